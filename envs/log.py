@@ -11,11 +11,8 @@ What columns cannot carry stands in the sidecar ``NAME.toml``; every entry has a
 from __future__ import annotations
 
 import hashlib
-import re
-import tomllib
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Literal
 
 import numpy as np

@@ -9,7 +9,6 @@ The sidecar holds ``robot``, ``loop`` and one table ``[joints.J]`` per joint wit
 from __future__ import annotations
 
 import os
-import re
 import tempfile
 import tomllib
 from collections.abc import Mapping
@@ -19,8 +18,11 @@ from typing import Any, get_args
 
 import numpy as np
 
-from envs.log import COMMAND_PREFIX, Hold, InputKind, JointFacts, Log, LogError
+from envs.column_map import STANDARD_COLUMN, ColumnMap, apply, parse_column_map
+from envs.foreign_tables import read_bag, read_hdf5, read_json, read_mat, read_npy
+from envs.log import COMMAND_PREFIX, PREFIX_OF, Array, Hold, InputKind, JointFacts, Log, LogError
 from envs.log_tables import Reader, Table, listed, read_csv, read_npz, read_parquet
+from envs.repair import repair as repaired
 from envs.validation import Finding, check, columns_of
 
 READERS: dict[str, Reader] = {
@@ -30,9 +32,17 @@ READERS: dict[str, Reader] = {
     ".txt": read_csv,
     ".parquet": read_parquet,
     ".npz": read_npz,
+    ".npy": read_npy,
+    ".mat": read_mat,
+    ".h5": read_hdf5,
+    ".hdf5": read_hdf5,
+    ".json": read_json,
+    ".mcap": read_bag,
+    ".db3": read_bag,
+    ".bag": read_bag,
 }
 WRITABLE = (".csv", ".parquet", ".npz")
-STANDARD_COLUMN = re.compile(r"(v|i|tau|q|dq|temp)([1-9]\d*)")
+SIDECAR_ENTRIES = ("robot", "loop", "columns", "rows", "joints")
 CHOICES: dict[str, tuple[str, ...]] = {
     "input": get_args(InputKind),
     "hold": get_args(Hold),
@@ -40,28 +50,58 @@ CHOICES: dict[str, tuple[str, ...]] = {
 }
 
 
-def load(path: str | Path, *, repair: bool = False) -> Log:
+def load(path: str | Path, column_map: ColumnMap | str | Path | None = None, *, repair: bool = False) -> Log:
     """A log from a file. Raises LogError, one line, when the file is unusable.
 
-    repair: leave out broken rows instead of refusing the file.
+    column_map: names and units of a foreign layout, or the TOML that holds them (see `envs.column_map`). Without one,
+        the ``[columns]`` of the sidecar are used, then the layout of a known rig if the file has its columns.
+    repair: mend what can be mended instead of refusing the file (see `envs.repair`).
     """
-    return load_with_findings(path, repair=repair)[0]
+    return load_with_findings(path, column_map, repair=repair)[0]
 
 
-def load_with_findings(path: str | Path, *, repair: bool = False) -> tuple[Log, tuple[Finding, ...]]:
-    """`load`, and what was noticed on the way."""
+def load_with_findings(
+    path: str | Path, column_map: ColumnMap | str | Path | None = None, *, repair: bool = False
+) -> tuple[Log, tuple[Finding, ...]]:
+    """`load`, and what was noticed and repaired on the way."""
     path = Path(path)
     table = read_table(path, repair=repair)
-    log = assemble(table, read_sidecar(sidecar_path(path)), name=stem_of(path))
-    return log, (*table.findings, *check(log))
+    facts_file, content = sidecar_of(path, column_map, table)
+    columns = column_map if isinstance(column_map, ColumnMap) else parse_column_map(content, str(facts_file))
+    table = wanted_rows(table, content.get("rows", {}), str(facts_file))
+    log, found = assemble(table, columns, content, name=stem_of(path), facts_file=str(facts_file))
+    mended: tuple[Finding, ...] = ()
+    if repair:
+        log, mended = repaired(log)
+    return log, (*table.findings, *found, *mended, *check(log, columns.names))
+
+
+def sidecar_of(path: Path, column_map: ColumnMap | str | Path | None, table: Table) -> tuple[Path, dict[str, Any]]:
+    """The TOML that holds the facts of a log, and its content: the one given, the sidecar, or a known rig's."""
+    if isinstance(column_map, str | Path):
+        if not Path(column_map).exists():
+            raise LogError("there is no such column map", remedy="Check the path", source=str(column_map))
+        return Path(column_map), read_toml(Path(column_map))
+    own = sidecar_path(path)
+    if own.exists() or column_map is not None:
+        return own, read_toml(own) if own.exists() else {}
+    from envs.rigs import recognise
+
+    layout = recognise(table.columns)
+    return (layout, read_toml(layout)) if layout is not None else (own, {})
 
 
 def read_table(path: Path, *, repair: bool = False) -> Table:
     """The columns of a file as they are. Raises LogError for a file that is missing, empty or of no known type."""
     source = str(path)
-    if path.is_dir() or not path.exists():
-        problem = "this is a folder, not a log file" if path.is_dir() else "there is no such file"
-        raise LogError(problem, remedy="Check the path", source=source)
+    if not path.exists():
+        raise LogError("there is no such file", remedy="Check the path", source=source)
+    if path.is_dir():
+        if (path / "metadata.yaml").exists():
+            return read_bag(path, repair)
+        raise LogError(
+            "this is a folder, not a log file", remedy="Give a file or the folder of a ROS 2 bag", source=source
+        )
     suffix = suffix_of(path)
     if suffix not in READERS:
         raise LogError(
@@ -90,65 +130,111 @@ def sidecar_path(path: Path) -> Path:
     return path.with_name(stem_of(path) + ".toml")
 
 
-def read_sidecar(path: Path) -> dict[str, Any]:
-    """The sidecar as a dictionary, empty when there is none. Raises LogError when it is not TOML."""
-    if not path.exists():
-        return {}
+def read_toml(path: Path) -> dict[str, Any]:
+    """A sidecar or column map as a dictionary. Raises LogError when it is not TOML or has unknown entries."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise LogError(f"this is not valid TOML ({error})", remedy="Correct it", source=str(path)) from None
+    unknown = sorted(set(content) - set(SIDECAR_ENTRIES))
+    if unknown:
+        raise LogError(
+            f"{unknown[0]} is not an entry of a sidecar", remedy=f"Use {', '.join(SIDECAR_ENTRIES)}", source=str(path)
+        )
+    for name in ("columns", "rows", "joints"):
+        if not isinstance(content.get(name, {}), dict):
+            raise LogError(f"{name} is not a table", remedy=f"Write [{name}]", source=str(path))
+    return content
 
 
-def assemble(table: Table, sidecar: Mapping[str, Any], *, name: str) -> Log:
-    """A Log from standard columns and the sidecar's facts."""
+def wanted_rows(table: Table, entry: Mapping[str, Any], facts_file: str) -> Table:
+    """The longest stretch of rows in which the column ``rows.where`` is not zero; all rows when nothing is stated."""
+    if not entry:
+        return table
+    if set(entry) != {"where"} or not isinstance(entry["where"], str):
+        raise LogError("rows cannot be read", remedy='Write where = "COLUMN"', source=facts_file)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], table.numbers(entry["where"]) != 0.0, [False]])))
+    if not len(edges):
+        raise LogError(
+            "no row is wanted: the column is zero throughout",
+            remedy="Correct rows.where",
+            source=table.source,
+            column=entry["where"],
+        )
+    starts, stops = edges[::2], edges[1::2]
+    longest = int(np.argmax(stops - starts))
+    start, stop = int(starts[longest]), int(stops[longest])
+    size = len(next(iter(table.columns.values())))
+    if stop - start == size:
+        return table
+    said = Finding("rows_left_out", f"rows {start + 1} to {stop} of {size} used: {entry['where']} is zero elsewhere")
+    columns = {name: values[start:stop] for name, values in table.columns.items()}
+    return Table(columns, table.source, (*table.findings, said))
+
+
+def assemble(
+    table: Table, columns: ColumnMap, facts: Mapping[str, Any], *, name: str, facts_file: str
+) -> tuple[Log, tuple[Finding, ...]]:
+    """A Log from a file's columns, a column map and the facts of the sidecar, not yet validated."""
+    stated = facts.get("joints", {})
+    units = {int(joint): entry.get("position_unit", "rad") for joint, entry in stated.items() if joint.isdigit()}
+    table = apply(columns, table, units)
     found: dict[int, set[str]] = {}
     for column in table.columns:
-        match = STANDARD_COLUMN.fullmatch(column)
-        if match:
+        if match := STANDARD_COLUMN.fullmatch(column):
             found.setdefault(int(match[2]), set()).add(match[1])
     joints = tuple(sorted(joint for joint, prefixes in found.items() if "q" in prefixes))
-    time = table.numbers("t")
+    time, findings = from_epoch(table.numbers("t"))
     if not joints:
         table.numbers("q1")
-    facts = tuple(facts_of(joint, found[joint], sidecar, table) for joint in joints)
-    prefixes = [next(prefix for prefix, kind in COMMAND_PREFIX.items() if kind == fact.input) for fact in facts]
+    joint_facts = tuple(
+        facts_of(joint, found[joint], stated.get(str(joint), {}), table, facts_file) for joint in joints
+    )
 
-    def stack(names: list[str]) -> np.ndarray:
+    def stack(names: list[str]) -> Array:
         return np.column_stack([table.numbers(column) for column in names])
 
-    def optional(prefix: str) -> np.ndarray | None:
+    def optional(prefix: str) -> Array | None:
         names = [f"{prefix}{joint}" for joint in joints]
-        return stack(names) if all(column in table.columns for column in names) else None
+        there = [column for column in names if column in table.columns]
+        if there and len(there) < len(names):
+            findings.append(Finding("partial_signal", f"{', '.join(there)} left out: not every joint has {prefix}"))
+        return stack(names) if len(there) == len(names) else None
 
-    loop = sidecar.get("loop")
+    loop = facts.get("loop")
     if loop not in (None, "open", "closed"):
-        raise LogError(f"loop = {loop!r} is unknown", remedy="Write open or closed", source=table.source)
-    return Log(
+        raise LogError(f"loop = {loop!r} is unknown", remedy="Write open or closed", source=facts_file)
+    log = Log(
         time=time,
-        command=stack([f"{prefix}{joint}" for prefix, joint in zip(prefixes, joints, strict=True)]),
+        command=stack([f"{PREFIX_OF[fact.input]}{joint}" for fact, joint in zip(joint_facts, joints, strict=True)]),
         position=stack([f"q{joint}" for joint in joints]),
         velocity=optional("dq"),
         temperature=optional("temp"),
         joints=joints,
-        facts=facts,
-        robot=sidecar.get("robot"),
+        facts=joint_facts,
+        robot=facts.get("robot"),
         loop=loop,
         name=name,
         source=table.source,
     )
+    return log, tuple(findings)
 
 
-def facts_of(joint: int, prefixes: set[str], sidecar: Mapping[str, Any], table: Table) -> JointFacts:
-    """Facts of one joint: what its command column says, then what the sidecar says."""
+def from_epoch(time: Array) -> tuple[Array, list[Finding]]:
+    """Time [s] counted from its first sample where it is a date (seconds since 1970), unchanged otherwise."""
+    if len(time) and np.isfinite(time[0]) and time[0] > 1e8 and np.ptp(time) < 0.1 * time[0]:
+        return time - time[0], [Finding("epoch", "time is a date; it is counted from the first sample")]
+    return time, []
+
+
+def facts_of(joint: int, prefixes: set[str], entry: Mapping[str, Any], table: Table, facts_file: str) -> JointFacts:
+    """Facts of one joint: what its command column says, then what ``[joints.J]`` says."""
     commands = sorted(prefixes & set(COMMAND_PREFIX))
-    stated = dict(sidecar.get("joints", {}).get(str(joint), {}))
-    unknown = set(stated) - {item.name for item in fields(JointFacts)}
-    if unknown:
+    stated = dict(entry)
+    known = [item.name for item in fields(JointFacts)]
+    if unknown := sorted(set(stated) - set(known)):
         raise LogError(
-            f"[joints.{joint}] has the unknown entry {sorted(unknown)[0]}",
-            remedy=f"Use {', '.join(item.name for item in fields(JointFacts))}",
-            source=str(sidecar_path(Path(table.source))),
+            f"[joints.{joint}] has the unknown entry {unknown[0]}", remedy=f"Use {', '.join(known)}", source=facts_file
         )
     if not commands:
         raise LogError(
@@ -170,15 +256,15 @@ def facts_of(joint: int, prefixes: set[str], sidecar: Mapping[str, Any], table: 
             raise LogError(
                 f"{key} = {stated[key]!r} of [joints.{joint}] is unknown",
                 remedy=f"Write {' or '.join(allowed)}",
-                source=str(sidecar_path(Path(table.source))),
+                source=facts_file,
             )
     for key in ("encoder_step", "command_step", "command_limit"):
         value = stated.get(key)
-        if value is not None and not (isinstance(value, (int, float)) and value > 0):
+        if value is not None and not (isinstance(value, int | float) and 0 < value < np.inf):
             raise LogError(
                 f"{key} = {value!r} of [joints.{joint}] is not a positive number",
                 remedy="Correct it or leave it out",
-                source=str(sidecar_path(Path(table.source))),
+                source=facts_file,
             )
     return JointFacts(**stated)
 

@@ -1,16 +1,24 @@
-"""Is a log usable? Errors stop (LogError: one line with place and remedy); findings are reported and kept."""
+"""Is a log usable? Errors stop (`LogError`: one line with place and remedy); findings are said and the log is kept."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from envs.log import PREFIX_OF, Array, Log, LogError
+from envs.log import COMMAND_UNIT, PREFIX_OF, Array, Log, LogError
+from envs.log_statistics import MAD_TO_STD, jumps, spikes, timing
 
 #: Fewer samples than this cannot carry an experiment.
 MINIMUM_SAMPLES = 16
+#: Interval [s] from which on time is taken for milliseconds: no servo is logged as slowly as this.
+SLOWEST_INTERVAL = 0.5
+#: Range [rad] of a motion back and forth that no joint makes (two turns): degrees, millimetres or counts.
+WIDEST_SWING = 4.0 * math.pi
+#: Ratios of velocity units that are mistaken for one another: deg/s, rpm and 1/1000.
+VELOCITY_FACTORS = {"deg/s": 180.0 / math.pi, "rpm": 30.0 / math.pi, "mrad/s or mm/s": 1000.0, "turn/s": 0.5 / math.pi}
 
 
 @dataclass(frozen=True)
@@ -21,11 +29,26 @@ class Finding:
     text: str
 
 
+@dataclass(frozen=True)
+class Names:
+    """How the file speaks of the standard columns.
+
+    own: the file's own name of a standard column.
+    stated: standard columns whose unit a column map states; their plausibility is not questioned.
+    """
+
+    own: Mapping[str, str] = field(default_factory=dict)
+    stated: frozenset[str] = frozenset()
+
+    def __getitem__(self, column: str) -> str:
+        return self.own.get(column, column)
+
+
 def columns_of(log: Log) -> dict[str, Array]:
     """The signals of a log by their standard column names, each of shape (T,)."""
     columns: dict[str, Array] = {"t": log.time}
     for column, joint in enumerate(log.joints):
-        columns[f"{PREFIX_OF[log.facts[column].input]}{joint}"] = log.command[:, column]
+        columns[command_column(log, joint)] = log.command[:, column]
         columns[f"q{joint}"] = log.position[:, column]
         if log.velocity is not None:
             columns[f"dq{joint}"] = log.velocity[:, column]
@@ -34,18 +57,39 @@ def columns_of(log: Log) -> dict[str, Array]:
     return columns
 
 
-def check(log: Log, names: Mapping[str, str] | None = None) -> tuple[Finding, ...]:
-    """Raises LogError when the log is unusable, otherwise returns what is worth saying about it.
+def command_column(log: Log, joint: int) -> str:
+    """Standard name of a joint's command column: v1, i1 or tau1."""
+    return f"{PREFIX_OF[log.facts[log.index(joint)].input]}{joint}"
 
-    `names` gives the file's own name of a standard column, for the messages.
-    """
-    spoken = dict(names or {})
+
+def check(log: Log, names: Names | None = None) -> tuple[Finding, ...]:
+    """Raises LogError when the log is unusable, otherwise returns what is worth saying about it."""
+    names = names or Names()
+    check_length(log)
+    check_finite(log, names)
+    check_order(log, names)
+    check_time_unit(log, names)
+    check_motion(log, names)
+    check_position_unit(log, names)
+    return tuple(
+        finding
+        for examine in (clock_findings, position_findings, velocity_findings, command_findings)
+        for finding in examine(log, names)
+    )
+
+
+def check_length(log: Log) -> None:
+    """Refuses a recording with too few samples."""
     if len(log) < MINIMUM_SAMPLES:
         raise LogError(
             f"{len(log)} samples are too few, at least {MINIMUM_SAMPLES} are needed",
             remedy="Record for longer",
             source=log.source,
         )
+
+
+def check_finite(log: Log, names: Names) -> None:
+    """Refuses missing and infinite values."""
     for name, values in columns_of(log).items():
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
@@ -53,16 +97,242 @@ def check(log: Log, names: Mapping[str, str] | None = None) -> tuple[Finding, ..
                 f"{len(bad)} of {len(values)} values are missing or not finite",
                 remedy="Remove these rows or load the file with repair",
                 source=log.source,
-                column=spoken.get(name, name),
+                column=names[name],
                 row=int(bad[0]) + 1,
             )
-    backwards = np.flatnonzero(np.diff(log.time) <= 0)
-    if len(backwards):
+
+
+def check_order(log: Log, names: Names) -> None:
+    """Refuses time that stands still or runs backwards, and a clock without any regularity."""
+    intervals = np.diff(log.time)
+    for wrong, what in ((intervals == 0, "the time stamp of the row before is repeated"), (intervals < 0, None)):
+        rows = np.flatnonzero(wrong)
+        if len(rows):
+            row = int(rows[0])
+            said = what or f"time runs backwards from {log.time[row]:.6g} to {log.time[row + 1]:.6g}"
+            raise LogError(
+                f"{said} ({len(rows)} such rows)",
+                remedy="Remove or sort these rows, or load the file with repair",
+                source=log.source,
+                column=names["t"],
+                row=row + 2,
+            )
+    median = float(np.median(intervals))
+    spread = MAD_TO_STD * float(np.median(np.abs(intervals - median)))
+    if spread > 0.5 * median:
+        row = int(np.argmax(np.abs(intervals - median)))
         raise LogError(
-            f"time does not increase in {len(backwards)} places",
-            remedy="Sort the rows and remove double ones, or load the file with repair",
+            f"time is irregular: intervals from {intervals.min():.3g} to {intervals.max():.3g}, median {median:.3g}",
+            remedy="Record at a constant rate, or load the file with repair (interpolates to a regular clock)",
             source=log.source,
-            column=spoken.get("t", "t"),
-            row=int(backwards[0]) + 2,
+            column=names["t"],
+            row=row + 2,
         )
-    return ()
+    longest = int(np.argmax(intervals))
+    if intervals[longest] > 0.2 * log.duration and len(log) > MINIMUM_SAMPLES:
+        raise LogError(
+            f"nothing was recorded for {intervals[longest]:.3g} of {log.duration:.3g} s",
+            remedy="Split the recording there",
+            source=log.source,
+            column=names["t"],
+            row=longest + 2,
+        )
+
+
+def check_time_unit(log: Log, names: Names) -> None:
+    """Refuses a clock that can hardly be in seconds."""
+    if "t" in names.stated:
+        return
+    interval = log.sample_time
+    if interval >= SLOWEST_INTERVAL:
+        unit = "ms" if interval < 200 else "us" if interval < 2e5 else "ns"
+        raise LogError(
+            f"one sample per {interval:.6g} s is implausible, this looks like {unit}",
+            remedy=f'Convert to seconds or state t = {{ column = "{names["t"]}", unit = "{unit}" }} in a column map',
+            source=log.source,
+            column=names["t"],
+            row=1,
+        )
+    if interval < 1e-6:
+        raise LogError(
+            f"one sample per {interval:.3g} s is implausible",
+            remedy=f'Convert to seconds or state t = {{ column = "{names["t"]}", unit = … }} in a column map',
+            source=log.source,
+            column=names["t"],
+            row=1,
+        )
+
+
+def check_motion(log: Log, names: Names) -> None:
+    """Refuses a recording in which nothing moves or nothing is commanded. Single joints may be held."""
+    for signals, verb, remedy in (
+        (log.position, "moves", "Excite the joint, or map the column that carries its position"),
+        (log.command, "is commanded", "Drive the joint, or map the column that carries its command"),
+    ):
+        if not np.ptp(signals, axis=0).any():
+            joint = log.joints[0]
+            column = f"q{joint}" if signals is log.position else command_column(log, joint)
+            raise LogError(
+                f"the signal is constant ({signals[0, 0]:.6g}): nothing {verb}",
+                remedy=remedy,
+                source=log.source,
+                column=names[column],
+            )
+
+
+def check_position_unit(log: Log, names: Names) -> None:
+    """Refuses positions that can hardly be in radians or metres, and angles that wrap around."""
+    for column, joint in enumerate(log.joints):
+        name, position = f"q{joint}", log.position[:, column]
+        unit = log.facts[column].position_unit
+        if unit == "rad":
+            check_wrap(position, name, log, names)
+        if name in names.stated:
+            continue
+        position = np.delete(position, spikes(position))
+        span = float(np.ptp(position))
+        path = float(np.abs(np.diff(position)).sum())
+        returns = abs(position[-1] - position[0]) < 0.5 * path
+        widest = WIDEST_SWING if unit == "rad" else 10.0
+        if span > widest and returns:
+            whole = np.array_equal(position, np.round(position))
+            if unit == "rad":
+                guess, spoken = ("turn / COUNTS", "encoder counts") if whole else ("deg", "degrees")
+            else:
+                guess, spoken = ("m / COUNTS", "encoder counts") if whole else ("mm", "millimetres")
+            raise LogError(
+                f"back and forth over {span:.4g} {unit} is implausible, this looks like {spoken}",
+                remedy=f'Convert to {unit} or state {name} = {{ column = "{names[name]}", unit = "{guess}" }} '
+                "in a column map",
+                source=log.source,
+                column=names[name],
+                row=int(np.argmax(np.abs(position))) + 1,
+            )
+
+
+def check_wrap(position: Array, name: str, log: Log, names: Names) -> None:
+    """Refuses an angle that jumps by a full turn."""
+    change = np.abs(np.diff(position))
+    for turn, unit in ((2.0 * math.pi, "rad"), (360.0, "deg")):
+        rows = np.flatnonzero(np.abs(change - turn) < 0.05 * turn)
+        rest = np.delete(change, rows)
+        if len(rows) and rest.max(initial=0.0) < 0.25 * turn:
+            raise LogError(
+                f"the angle jumps by a full turn ({turn:.4g} {unit})",
+                remedy="Unwrap it, or load the file with repair",
+                source=log.source,
+                column=names[name],
+                row=int(rows[0]) + 2,
+            )
+
+
+def clock_findings(log: Log, names: Names) -> Iterator[Finding]:
+    """Jitter and gaps."""
+    clock = timing(log.time)
+    if clock.jitter > 0.02 * clock.sample_time:
+        yield Finding(
+            "jitter",
+            f"time stamps jitter by {1e3 * clock.jitter:.3g} ms rms ({clock.jitter / clock.sample_time:.0%} of the "
+            f"interval of {1e3 * clock.sample_time:.4g} ms)",
+        )
+    gaps = len(clock.gap_rows)
+    if gaps > 0.05 * len(log):
+        yield Finding(
+            "uneven_clock", f"{gaps} of {len(log) - 1} intervals are longer than one and a half times the median"
+        )
+    elif gaps:
+        yield Finding(
+            "gaps",
+            f"about {clock.missing} samples ({clock.missing / (len(log) + clock.missing):.1%}) are missing in {gaps} "
+            f"gaps, the longest {1e3 * clock.largest_gap:.3g} ms, the first after row {int(clock.gap_rows[0]) + 1}",
+        )
+
+
+def position_findings(log: Log, names: Names) -> Iterator[Finding]:
+    """Joints that are held, single-sample spikes and lasting jumps."""
+    for column, joint in enumerate(log.joints):
+        position = log.position[:, column]
+        name = names[f"q{joint}"]
+        if not np.ptp(position):
+            yield Finding("held_joint", f"{name} is constant: joint {joint} did not move and cannot be identified")
+            continue
+        yield from spike_findings(position, name)
+        lasting = jumps(position)
+        if len(lasting):
+            row = int(lasting[0])
+            yield Finding(
+                "jump",
+                f"{name} jumps by {position[row + 1] - position[row]:.3g} {log.facts[column].position_unit} after row "
+                f"{row + 1} and stays there: two recordings joined, or the sensor lost its zero?",
+            )
+
+
+def spike_findings(values: Array, name: str) -> Iterator[Finding]:
+    """Single samples far from both neighbours."""
+    rows = spikes(values)
+    if len(rows):
+        yield Finding(
+            "spikes",
+            f"{name} has {len(rows)} single-sample spike{'s' if len(rows) > 1 else ''}, the first in row "
+            f"{int(rows[0]) + 1}; repair replaces them",
+        )
+
+
+def velocity_findings(log: Log, names: Names) -> Iterator[Finding]:
+    """Whether the measured velocity is the derivative of the position: its unit and its sign.
+
+    Raises LogError when the ratio is that of two known units.
+    """
+    if log.velocity is None:
+        return
+    for column, joint in enumerate(log.joints):
+        ratio = velocity_ratio(log.time, log.position[:, column], log.velocity[:, column])
+        name = f"dq{joint}"
+        if ratio is None or abs(ratio - 1.0) < 0.2:
+            continue
+        known = [
+            (unit, "position" if swapped else "velocity")
+            for unit, factor in VELOCITY_FACTORS.items()
+            for swapped in (False, True)
+            if abs(abs(ratio) * (factor if swapped else 1.0 / factor) - 1.0) < 0.1
+        ]
+        if known and name not in names.stated and f"q{joint}" not in names.stated:
+            unit, which = known[0]
+            told = unit if which == "velocity" else unit.replace("/s", "")
+            raise LogError(
+                f"the velocity is {ratio:.4g} times the derivative of {names[f'q{joint}']}: the {which} looks like "
+                f"{told}",
+                remedy="Convert it or state the unit in a column map",
+                source=log.source,
+                column=names[name],
+            )
+        yield Finding("velocity_ratio", f"{names[name]} is {ratio:.3g} times the derivative of {names[f'q{joint}']}")
+
+
+def velocity_ratio(time: Array, position: Array, velocity: Array) -> float | None:
+    """Least-squares ratio of the measured velocity to the derivative of the position, None when they don't correlate.
+
+    Compared as displacements over windows of at least 20 samples, so that quantisation does not matter.
+    """
+    window = max(20, len(time) // 200)
+    travelled = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
+    measured = (position[window:] - position[:-window])[::window]
+    integrated = (travelled[window:] - travelled[:-window])[::window]
+    if not measured.any() or not integrated.any():
+        return None
+    cosine = float(measured @ integrated / math.sqrt((measured @ measured) * (integrated @ integrated)))
+    return None if abs(cosine) < 0.8 else float(measured @ integrated / (measured @ measured))
+
+
+def command_findings(log: Log, names: Names) -> Iterator[Finding]:
+    """Commands that stand still, spike or exceed the stated limit."""
+    for column, joint in enumerate(log.joints):
+        facts, command = log.facts[column], log.command[:, column]
+        name, unit = names[command_column(log, joint)], COMMAND_UNIT[facts.input]
+        if not np.ptp(command):
+            yield Finding("constant_command", f"{name} is constant ({command[0]:.4g} {unit})")
+        largest = float(np.abs(command).max())
+        if facts.command_limit is not None and largest > 1.01 * facts.command_limit:
+            yield Finding(
+                "beyond_limit", f"{name} reaches {largest:.4g} {unit}, beyond its limit of {facts.command_limit:.4g}"
+            )

@@ -1,0 +1,141 @@
+"""Repairs of a recording, made on request only; each says what it did."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from envs.log import Array, Log, LogError
+from envs.log_statistics import MAD_TO_STD, Rows, spikes, timing
+from envs.validation import Finding, columns_of
+
+
+def repair(log: Log) -> tuple[Log, tuple[Finding, ...]]:
+    """The log with broken rows left out, time in order, angles unwrapped, spikes replaced and a regular clock.
+
+    What is done, in this order, and only where needed:
+    1. rows with missing or infinite values are left out;
+    2. noisy stamps of a regular clock are replaced by the clock, otherwise rows are sorted and double ones left out;
+    3. angles that jump by full turns are unwrapped;
+    4. single-sample spikes of the position are replaced by the mean of their neighbours;
+    5. an irregular recording is interpolated to a regular clock (see `resample`).
+    """
+    done: list[Finding] = []
+    for step in (without_broken_rows, with_ordered_time, unwrapped, without_spikes, with_regular_clock):
+        log, found = step(log)
+        done += found
+    return log, tuple(done)
+
+
+def rows_of(log: Log, rows: Rows) -> Log:
+    """The log reduced to some rows, in the order given."""
+    return replace(
+        log,
+        time=log.time[rows],
+        command=log.command[rows],
+        position=log.position[rows],
+        velocity=None if log.velocity is None else log.velocity[rows],
+        temperature=None if log.temperature is None else log.temperature[rows],
+    )
+
+
+def without_broken_rows(log: Log) -> tuple[Log, list[Finding]]:
+    """Leaves out rows in which any signal is missing or infinite."""
+    good = np.all([np.isfinite(values) for values in columns_of(log).values()], axis=0)
+    lost = int(np.sum(~good))
+    if not lost:
+        return log, []
+    if not good.any():
+        raise LogError("no row has all its values", remedy="Check the export", source=log.source)
+    return rows_of(log, np.flatnonzero(good)), [
+        Finding("repaired_rows", f"{lost} rows with missing values left out, the first was row {np.argmin(good) + 1}")
+    ]
+
+
+def with_ordered_time(log: Log) -> tuple[Log, list[Finding]]:
+    """Strictly increasing time: a fitted clock where stamps are merely noisy, sorted unique rows otherwise."""
+    backwards = np.diff(log.time) <= 0
+    if not backwards.any() or len(log) < 3:
+        return log, []
+    number = np.arange(len(log), dtype=np.float64)
+    interval, start = np.polyfit(number, log.time, 1)
+    error = log.time - (start + interval * number)
+    if interval > 0 and np.abs(error).max() < 10.0 * interval and np.mean(backwards) > 0.01:
+        said = f"time stamps were noisy ({1e3 * error.std():.3g} ms rms) and replaced by a regular clock"
+        return replace(log, time=start + interval * number), [Finding("repaired_clock", said)]
+    _, rows = np.unique(log.time, return_index=True)
+    said = f"{int(backwards.sum())} rows out of order: sorted, {len(log) - len(rows)} double rows left out"
+    return rows_of(log, rows), [Finding("repaired_order", said)]
+
+
+def unwrapped(log: Log) -> tuple[Log, list[Finding]]:
+    """Angles without jumps of a full turn."""
+    angles = [column for column, facts in enumerate(log.facts) if facts.position_unit == "rad"]
+    position = log.position.copy()
+    position[:, angles] = np.unwrap(position[:, angles], axis=0, discont=1.5 * math.pi)
+    if np.array_equal(position, log.position):
+        return log, []
+    return replace(log, position=position), [Finding("repaired_wrap", "angles unwrapped at full turns")]
+
+
+def without_spikes(log: Log) -> tuple[Log, list[Finding]]:
+    """Single-sample spikes of the position replaced by the mean of their neighbours."""
+    position = log.position.copy()
+    done = []
+    for column, joint in enumerate(log.joints):
+        rows = spikes(position[:, column])
+        if len(rows):
+            position[rows, column] = 0.5 * (position[rows - 1, column] + position[rows + 1, column])
+            done.append(
+                Finding("repaired_spikes", f"{len(rows)} spikes of q{joint} replaced by their neighbours' mean")
+            )
+    return (replace(log, position=position) if done else log), done
+
+
+def with_regular_clock(log: Log) -> tuple[Log, list[Finding]]:
+    """`resample` at the median interval where the clock is irregular."""
+    if len(log) < 3:
+        return log, []
+    clock = timing(log.time)
+    if clock.uniform:
+        return log, []
+    interval = clock.sample_time
+    intervals = np.diff(log.time)
+    if MAD_TO_STD * float(np.median(np.abs(intervals - interval))) > 0.1 * interval:
+        interval = float(np.mean(intervals))
+    said = f"interpolated to a regular clock of {1e3 * interval:.6g} ms"
+    return resample(log, interval), [Finding("resampled", said)]
+
+
+def resample(log: Log, sample_time: float) -> Log:
+    """The log on the regular clock t0, t0 + sample_time, … [s], within the recorded time.
+
+    Measured signals are interpolated linearly; a command that is held between samples keeps its last value. Quantised
+    positions lose their steps by this, so `encoder_step` stays as the sensor's fact only.
+    """
+    count = math.floor((log.time[-1] - log.time[0]) / sample_time * (1.0 + 1e-12)) + 1
+    time = log.time[0] + sample_time * np.arange(count)
+    before = np.clip(np.searchsorted(log.time, time * (1.0 + 1e-15), side="right") - 1, 0, len(log) - 1)
+
+    def between(signals: Array | None) -> Array | None:
+        if signals is None:
+            return None
+        return np.column_stack([np.interp(time, log.time, signals[:, column]) for column in range(signals.shape[1])])
+
+    command = between(log.command)
+    assert command is not None
+    for column, facts in enumerate(log.facts):
+        if facts.hold == "zero_order":
+            command[:, column] = log.command[before, column]
+    position = between(log.position)
+    assert position is not None
+    return replace(
+        log,
+        time=time,
+        command=command,
+        position=position,
+        velocity=between(log.velocity),
+        temperature=between(log.temperature),
+    )

@@ -1,0 +1,53 @@
+"""The paper's two steps: least squares, then a network beside the identified model that learns what is left."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from envs.log import Log
+from methods.back_propagation import BackPropagation
+from methods.base import Fit, Method
+from methods.joint_model import JointModel
+from methods.least_squares import LeastSquares
+from methods.network_training import Trainer, train_network
+from methods.registry import METHODS
+from methods.two_layer_network import TWO_SIGNALS, NetworkInputs, network_inputs
+
+
+@METHODS.register("compensated_least_squares", "single-joint", "hybrid")
+@dataclass(frozen=True)
+class CompensatedLeastSquares(Method):
+    """v = Y a + U' f(W s): `step_1` finds a, then `trainer` fits the network to vd - Y a on the same signals.
+
+    inputs: the paper prefers (q, q') so that the compensator can run in real time. with_bias: not in the paper.
+    """
+
+    step_1: LeastSquares = field(default_factory=LeastSquares)
+    inputs: NetworkInputs = TWO_SIGNALS
+    hidden_nodes: int = 10
+    trainer: Trainer = field(default_factory=BackPropagation)
+    with_bias: bool = False
+
+    def fit(self, logs: Sequence[Log], rng: np.random.Generator) -> Fit:
+        """Step 1 in closed form, step 2 from a random start."""
+        begin = time.perf_counter()
+        first = self.step_1.fit(logs, rng)
+        assert isinstance(first.model, JointModel)
+        motion = [part.motion for part in self.step_1.problem(logs).signals]
+        inputs = np.concatenate([network_inputs(part, self.inputs) for part in motion])
+        network, curve, status = train_network(
+            inputs, first.residuals, self.inputs, self.hidden_nodes, self.trainer, self.with_bias, rng
+        )
+        return replace(
+            first,
+            model=replace(first.model, network=network),
+            residuals=first.residuals - np.concatenate([network(part) for part in motion]),
+            status=status,
+            seconds=time.perf_counter() - begin,
+            learning_curve=curve,
+            notes=(*first.notes, f"step 1 {first.status.value}"),
+        )

@@ -1,0 +1,168 @@
+"""Sparse identification of the joint's equation by pysindy (Brunton, Proctor, Kutz, PNAS 113 (2016) 3932).
+
+q'' = xi_1 + xi_2 q' + xi_3 q'|q'| + xi_4 q'^3 + xi_5 tanh(q'/w) + xi_6 u, with few nonzero xi
+
+The command enters as a control input, taken as effective at the sampling instants (a held command lags by half a
+sample), and linearly, so that the equation can be inverted. Position and current are no part of the state: under a
+single sine, q, q', q'' and q''' span two dimensions only, and a sparse regression then prefers relations such as
+q''' = -w^2 q', in which the command does not occur at all.
+
+``smoothed`` regresses the band-limited acceleration. ``weak`` needs no derivative of the velocity: both sides are
+integrated against test functions (Reinbold, Gurevich, Grigoriev, Phys. Rev. E 101 (2020) 010203).
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from envs.log import COMMAND_UNIT, Array, InputKind, Log
+from methods.base import Estimates, Fit, Method, MethodError, Status, single_joint
+from methods.differentiation import BandLimited, Differentiator
+from methods.equation import EquationModel, compile_balance
+from methods.registry import METHODS
+
+TERMS = ("constant", "velocity", "velocity |velocity|", "velocity^3", "coulomb", "command")
+
+
+@compile_balance
+def _balance(p, q, dq, ddq, jerk, u):
+    # p = (xi_1 ... xi_6, w); F = q'' - Theta xi
+    smooth = p[0] + dq * (p[1] + abs(dq) * p[2] + dq * dq * p[3])
+    return ddq - smooth - p[4] * np.tanh(dq / p[6]) - p[5] * u
+
+
+@dataclass(frozen=True, eq=False)
+class SparseModel(EquationModel):
+    """coefficients: xi (6,) in the order of `TERMS` [rad/s^2 or m/s^2 per term]; reversal_velocity: w."""
+
+    joint: int
+    input: InputKind
+    coefficients: Array
+    reversal_velocity: float
+
+    @property
+    def joints(self) -> tuple[int, ...]:  # type: ignore[override]
+        return (self.joint,)
+
+    @property
+    def inputs(self) -> tuple[InputKind, ...]:  # type: ignore[override]
+        return (self.input,)
+
+    @property
+    def balance(self) -> Callable[[Array, float, float, float, float, float], float]:
+        return _balance
+
+    @cached_property
+    def parameters(self) -> Array:
+        return np.concatenate((self.coefficients, [self.reversal_velocity]))
+
+
+@METHODS.register("sindy", "single-joint", "sparse")
+@dataclass(frozen=True)
+class Sindy(Method):
+    """Sequentially thresholded least squares over `TERMS`.
+
+    threshold: smallest share of the acceleration's deviation that a term must carry to stay.
+    reversal_velocity: w as a share of the largest speed. windows: number of test functions of the weak form.
+    every: use every n-th sample, enough for signals limited to tens of hertz.
+    """
+
+    variant: Literal["smoothed", "weak"] = "smoothed"
+    differentiator: Differentiator = field(default_factory=BandLimited)
+    threshold: float = 0.02
+    reversal_velocity: float = 1e-2
+    windows: int = 400
+    every: int = 5
+
+    def fit(self, logs: Sequence[Log], rng: np.random.Generator) -> Fit:
+        """The smoothed variant consumes no random numbers; the weak one draws the places of its test functions."""
+        begin = time.perf_counter()
+        joint = single_joint(logs)
+        if self.variant == "weak" and len(logs) > 1:
+            raise MethodError("the weak form works on one time grid", remedy="Give one log")
+        signals = [self.differentiator.signals(log) for log in logs]
+        fastest = max(float(np.max(np.abs(part.motion.velocity))) for part in signals)
+        if fastest == 0.0:
+            raise MethodError("the joint never moves in these logs", remedy="Give a log in which it does")
+        reversal = self.reversal_velocity * fastest
+        rows = slice(None, None, self.every)
+        features = [_features(part.motion.velocity[rows, 0], part.command[rows, 0], reversal) for part in signals]
+        scale = np.std(np.concatenate(features), axis=0)
+        speed = scale[0]
+        rate = float(np.std(np.concatenate([part.motion.acceleration[rows] for part in signals])))
+        scaled = [part / scale for part in features]
+        sparse = self._regress(
+            times=[part.time[rows] - part.time[0] for part in signals],
+            states=[part[:, :1] for part in scaled],
+            rates=[part.motion.acceleration[rows] / speed for part in signals],
+            controls=[part[:, 1:] for part in scaled],
+            threshold=self.threshold * rate / speed,
+            rng=rng,
+        )
+        facts = logs[0].facts[0]
+        model = SparseModel(joint, facts.input, speed * sparse / np.concatenate(([1.0], scale)), reversal)
+        kept = np.flatnonzero(model.coefficients)
+        has_input = model.coefficients[-1] != 0.0
+        units = _units(facts.position_unit, COMMAND_UNIT[facts.input])
+        return Fit(
+            model=model,
+            estimates=Estimates(
+                names=tuple(TERMS[k] for k in kept),
+                units=tuple(units[k] for k in kept),
+                values=model.coefficients[kept],
+                covariance=np.full((len(kept), len(kept)), np.nan),
+            ),
+            residuals=np.concatenate([part.command - model.inverse(part.time, part.motion) for part in signals])[:, 0],
+            status=Status.CONVERGED if has_input else Status.FAILED,
+            seconds=time.perf_counter() - begin,
+            notes=() if has_input else ("the sparse equation does not contain the command",),
+        )
+
+    def _regress(
+        self,
+        times: list[Array],
+        states: list[Array],
+        rates: list[Array],
+        controls: list[Array],
+        threshold: float,
+        rng: np.random.Generator,
+    ) -> Array:
+        import pysindy
+
+        linear = pysindy.PolynomialLibrary(degree=1, include_bias=True)
+        optimizer = pysindy.STLSQ(threshold=threshold, alpha=0.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # STLSQ warns when it drops every term; the status says so instead
+            if self.variant == "smoothed":
+                model = pysindy.SINDy(optimizer=optimizer, feature_library=linear)
+                model.fit(states, t=times, x_dot=rates, u=controls)
+                return np.asarray(model.coefficients()[0])
+            untouched = np.random.get_state()  # noqa: NPY002
+            np.random.seed(int(rng.integers(2**31)))  # noqa: NPY002 - pysindy draws from the global generator
+            try:
+                weak = pysindy.WeakPDELibrary(
+                    function_library=linear, spatiotemporal_grid=times[0], K=self.windows, is_uniform=True
+                )
+                model = pysindy.SINDy(optimizer=optimizer, feature_library=weak)
+                model.fit(states[0], t=times[0], u=controls[0])
+            finally:
+                np.random.set_state(untouched)  # noqa: NPY002
+        return np.asarray(model.coefficients()[0])
+
+
+def _features(velocity: Array, command: Array, reversal_velocity: float) -> Array:
+    """The terms but the constant, shape (T, 5); the first one is the state."""
+    friction = np.tanh(velocity / reversal_velocity)
+    return np.column_stack((velocity, velocity * np.abs(velocity), velocity**3, friction, command))
+
+
+def _units(position: str, command: str) -> tuple[str, ...]:
+    acceleration = f"{position}/s^2"
+    return (acceleration, "1/s", f"1/{position}", f"s/{position}^2", acceleration, f"{acceleration}/{command}")

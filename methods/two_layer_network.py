@@ -1,0 +1,57 @@
+"""The two-layer network of the paper, v2 = U' f(W s): sigmoid hidden layer, linear output (equation (9)).
+
+Two input variants: s = (q, q') and s = (q, q', q'', q'''). Inputs are divided by fixed scales before W, so that the
+learning rates have the same meaning for rad and rad/s^3.
+
+As printed, neither layer has a bias. Then v2(s) = sum_k u_k / 2 + (an odd function of s): the network can follow dry
+friction, but no effect that is even in its inputs and hardly one that depends on the place (cogging). `with_bias` adds
+a constant input to the hidden layer and to the output; that is a change against the paper and is named where used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from envs.log import Array
+from methods.base import Motion
+from methods.joint_equation import network_values
+
+NetworkInputs = Literal["position, velocity", "position, velocity, acceleration, jerk"]
+TWO_SIGNALS: NetworkInputs = "position, velocity"
+FOUR_SIGNALS: NetworkInputs = "position, velocity, acceleration, jerk"
+INPUT_COUNT: dict[NetworkInputs, int] = {TWO_SIGNALS: 2, FOUR_SIGNALS: 4}
+
+
+@dataclass(frozen=True, eq=False)
+class TwoLayerNetwork:
+    """Weights for m inputs and h hidden nodes.
+
+    hidden: W (h, m) [1], acts on s / input_scale; hidden_bias: (h,); output: U (h,) [unit of the command];
+    output_bias [unit of the command]; input_scale: (m,) [unit of the input].
+    """
+
+    inputs: NetworkInputs
+    hidden: Array
+    hidden_bias: Array
+    output: Array
+    output_bias: float
+    input_scale: Array
+
+    def __call__(self, motion: Motion) -> Array:
+        """v2 for every sample, shape (T,) [unit of the command]."""
+        return network_values(self.flat, network_inputs(motion, self.inputs))
+
+    @property
+    def flat(self) -> Array:
+        """The layout of `methods.joint_equation`: m, h, per node [W / scale (m), bias, U], then the output bias."""
+        nodes = np.column_stack((self.hidden / self.input_scale, self.hidden_bias, self.output))
+        return np.concatenate(([len(self.input_scale), len(self.output)], nodes.ravel(), [self.output_bias]))
+
+
+def network_inputs(motion: Motion, inputs: NetworkInputs) -> Array:
+    """Network inputs (T, m) of a single joint's motion."""
+    columns = (motion.position, motion.velocity, motion.acceleration, motion.jerk)[: INPUT_COUNT[inputs]]
+    return np.ascontiguousarray(np.concatenate([column[:, :1] for column in columns], axis=1))

@@ -150,6 +150,12 @@ class Drive:
         """Resolution of the command [its unit]: 2 limit / 2^bits; None when the command is not quantised."""
         return None if self.command_bits is None else 2.0 * self.command_limit.value / 2**self.command_bits
 
+    def quantise(self, command: Array) -> Array:
+        """The command [its unit], any shape, as the converter passes it on: clipped and rounded to its steps."""
+        limit, step = self.command_limit.value, self.command_step
+        clipped = np.clip(command, -limit, limit)
+        return clipped if step is None else np.clip(step * np.round(clipped / step), -limit, limit - step)
+
     def sample(self, rng: np.random.Generator) -> Drive:
         """A draw within the stated uncertainties."""
         return sample_fields(self, rng)
@@ -183,6 +189,12 @@ class Joint:
     def torque_unit(self) -> Literal["N m", "N"]:
         """Unit of the generalised force."""
         return "N m" if self.kind == "revolute" else "N"
+
+    def measure(self, position: Array) -> Array:
+        """The coordinate [rad or m], any shape, as the encoder gives it: rounded to its steps."""
+        if self.encoder_step is None:
+            return np.asarray(position)
+        return self.encoder_step.value * np.round(np.asarray(position) / self.encoder_step.value)
 
     def sample(self, rng: np.random.Generator) -> Joint:
         """A draw within the stated uncertainties; limits and sensor facts are known and stay."""
@@ -272,8 +284,10 @@ class Robot:
         )
 
     def inertia_matrix(self, position: Array) -> Array:
-        """M(q) of arm and rotors, shape (..., n, n)."""
-        return self.body.inertia_matrix(np.asarray(position)) + np.diag(self.drive_values("reflected_inertia"))
+        """M(q) of arm and rotors, shape (..., n, n): the body's plus A^T diag(reflected inertia) A."""
+        turns = self.coupling_matrix
+        rotors = turns.T @ np.diag(self.drive_values("reflected_inertia")) @ turns
+        return self.body.inertia_matrix(np.asarray(position)) + rotors
 
     def inverse_dynamics(self, position: Array, velocity: Array, acceleration: Array) -> Array:
         """M(q) q'' + b(q, q') + F q', shape (..., n): the joint torques that the motors have to give in sum."""
@@ -297,8 +311,9 @@ def load_robot(path: str | Path) -> Robot:
     """A robot from a TOML description.
 
     ``[body]`` holds either ``file = "arm.xml"`` (MJCF or URDF, relative to the TOML) or the links of a SCARA
-    (``kind = "scara"``); each ``[[joint]]`` one joint of that body, in order, with its ``[joint.drive]``. A number is
-    plain or a table ``{value, unit, source, uncertainty}``; ``[sources]`` gives long texts for short source names.
+    (``kind = "scara"``); each ``[[joint]]`` one joint of that body, in order, with its ``[joint.drive]``; ``[drive]``
+    what all drives share. A number is plain or a table ``{value, unit, source, uncertainty}``; ``[sources]`` gives
+    long texts for short source names.
 
     Raises RobotError, in one line, for whatever makes the description unusable.
     """
@@ -319,9 +334,9 @@ def load_robot(path: str | Path) -> Robot:
 
 def parse_robot(content: Mapping[str, Any], folder: Path) -> Robot:
     """A robot from the content of its description; `folder` is where a body's file is looked up."""
-    sources = content.get("sources", {})
+    sources, shared = content.get("sources", {}), content.get("drive", {})
     joints = tuple(
-        _parse_joint(table, number, sources) for number, table in enumerate(_need(content, "joint"), start=1)
+        _parse_joint(table, number, shared, sources) for number, table in enumerate(_need(content, "joint"), start=1)
     )
     coupling = content.get("coupling")
     return Robot(
@@ -366,9 +381,9 @@ def _parse_value(value: Any, sources: Mapping[str, str], where: str, name: str) 
     return value
 
 
-def _parse_joint(table: Mapping[str, Any], number: int, sources: Mapping[str, str]) -> Joint:
+def _parse_joint(table: Mapping[str, Any], number: int, shared: Mapping[str, Any], sources: Mapping[str, str]) -> Joint:
     where = f"joint {number}"
-    drive = parse_record(Drive, _need(table, "drive", where), sources, f"{where}.drive")
+    drive = parse_record(Drive, {**shared, **table.get("drive", {})}, sources, f"{where}.drive")
     return parse_record(Joint, {**table, "drive": drive}, sources, where)
 
 

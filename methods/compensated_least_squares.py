@@ -11,6 +11,7 @@ import numpy as np
 from envs.log import Log
 from methods.back_propagation import BackPropagation
 from methods.base import Fit, Method
+from methods.joint_equation import network_values
 from methods.joint_model import JointModel
 from methods.least_squares import LeastSquares
 from methods.network_training import Trainer, train_network
@@ -37,15 +38,16 @@ class CompensatedLeastSquares(Method):
         begin = time.perf_counter()
         first = self.step_1.fit(logs, rng)
         assert isinstance(first.model, JointModel)
-        motion = [part.motion for part in self.step_1.problem(logs).signals]
-        inputs = np.concatenate([network_inputs(part, self.inputs) for part in motion])
+        signals = [self.step_1.differentiator.signals(log) for log in logs]
+        inputs = np.concatenate([network_inputs(part.motion, self.inputs) for part in signals])
+        target = np.concatenate([part.command[:, 0] - first.model.linear_part(part.motion) for part in signals])
         network, curve, status = train_network(
-            inputs, first.residuals, self.inputs, self.hidden_nodes, self.trainer, self.with_bias, rng
+            inputs, target, self.inputs, self.hidden_nodes, self.trainer, self.with_bias, rng
         )
         return replace(
             first,
             model=replace(first.model, network=network),
-            residuals=first.residuals - np.concatenate([network(part) for part in motion]),
+            residuals=target - network_values(network.flat, inputs),
             status=status,
             seconds=time.perf_counter() - begin,
             learning_curve=curve,

@@ -23,7 +23,7 @@ from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import fftconvolve
+from scipy.signal import butter, fftconvolve, filtfilt
 
 from envs.log import Array, Log
 from methods.base import MethodError, Motion
@@ -85,6 +85,45 @@ class FiniteDifferences(Differentiator):
         if self.scheme == "central":
             return np.gradient(signal, step, axis=0)
         return np.diff(signal, axis=0, prepend=signal[:1]) / step
+
+
+@dataclass(frozen=True)
+class ButterworthDifferences(Differentiator):
+    """The textbook filter: the position through a zero-phase Butterworth low-pass, then central differences.
+
+    The command is left as recorded; to filter it in parallel is the business of the regression
+    (`LeastSquares.decimation`). `border` samples are dropped at the start, where filter and differences settle.
+    Defaults and order of steps as in the scripts of the EMPS benchmark (Janot, Gautier, Brunot, Workshop on Nonlinear
+    System Identification Benchmarks, 2019), which take a measured command and do not speak of its hold.
+    """
+
+    cutoff: float = 100.0
+    order: int = 4
+    border: int = 49
+
+    def signals(self, log: Log) -> Signals:
+        log = _uniform(log)
+        step = log.sample_time
+        if not 0.0 < self.cutoff < 0.5 / step:
+            raise MethodError(
+                f"a cutoff of {self.cutoff:g} Hz does not fit a log sampled at {1.0 / step:.4g} Hz",
+                remedy=f"Choose a cutoff below {0.5 / step:.3g} Hz",
+            )
+        if len(log) <= self.border + 8 * self.order:
+            raise MethodError(f"{len(log)} samples are too few", remedy=f"Record more than {self.border} by far")
+        numerator, denominator = butter(self.order, 2.0 * self.cutoff * step)
+        position = filtfilt(numerator, denominator, log.position, axis=0, padlen=3 * self.order)
+        velocity = np.gradient(position, step, axis=0)
+        acceleration = np.gradient(velocity, step, axis=0)
+        jerk = np.gradient(acceleration, step, axis=0)
+        inner = slice(self.border, len(log))
+        return Signals(
+            time=log.time[inner],
+            command=log.command[inner],
+            motion=Motion(position[inner], velocity[inner], acceleration[inner], jerk[inner]),
+            measured=log.position[inner],
+            start=self.border,
+        )
 
 
 @dataclass(frozen=True)

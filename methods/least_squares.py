@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import lstsq
+from scipy.signal import decimate
 
 from envs.log import Array, Log
 from methods.base import Estimates, Fit, Method, MethodError, Status, single_joint
@@ -30,11 +31,13 @@ class LeastSquares(Method):
     """Linear coefficients of `columns` by (7)-(8) on signals from `differentiator`.
 
     reversal_velocity: as a share of the largest speed in the logs, where the Coulomb column turns over.
+    decimation: keep every n-th row after a zero-phase low-pass over regressor and command alike (parallel filtering).
     """
 
     differentiator: Differentiator = field(default_factory=BandLimited)
     columns: tuple[ColumnName, ...] = HORIZONTAL
     reversal_velocity: float = 1e-3
+    decimation: int = 1
 
     def fit(self, logs: Sequence[Log], rng: np.random.Generator) -> Fit:
         """Closed form; consumes no random numbers."""
@@ -75,10 +78,15 @@ class LeastSquares(Method):
         reversal = self.reversal_velocity * fastest
         return LinearProblem(
             signals=signals,
-            regressor=np.concatenate([regressor(part.motion, self.columns, reversal) for part in signals]),
-            command=np.concatenate([part.command[:, 0] for part in signals]),
+            regressor=np.concatenate(
+                [self._thin(regressor(part.motion, self.columns, reversal)) for part in signals]
+            ),
+            command=np.concatenate([self._thin(part.command)[:, 0] for part in signals]),
             reversal_velocity=reversal,
         )
+
+    def _thin(self, columns: Array) -> Array:
+        return columns if self.decimation == 1 else decimate(columns, self.decimation, axis=0, zero_phase=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from envs.log import Log
 from methods.base import Estimates, Fit, Method, single_joint
 from methods.differentiation import BandLimited, Differentiator
 from methods.full_batch import FullBatch
+from methods.joint_equation import network_values
 from methods.joint_model import JointModel
 from methods.network_training import Trainer, train_network
 from methods.registry import METHODS
@@ -43,7 +44,7 @@ class NetworkAlone(Method):
         return Fit(
             model=model,
             estimates=Estimates((), (), np.empty(0), np.empty((0, 0))),
-            residuals=command - np.concatenate([network(part.motion) for part in signals]),
+            residuals=command - network_values(network.flat, inputs),
             status=status,
             seconds=time.perf_counter() - begin,
             learning_curve=curve,

@@ -1,8 +1,118 @@
-"""The command line of the project."""
+"""The command line: ``adeptone COMMAND``. Nothing heavy is imported before a command needs it.
+
+Exit status: 0 done (with any verdict), 1 a check failed, 2 unusable input, said in one line.
+"""
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+PACKAGES = ("envs", "methods", "diagnosis", "benchmarks")
+"""Where the project's own errors come from: their text is meant for the user."""
+
+app = typer.Typer(
+    name="adeptone",
+    help="Tells robot engineers what their simulation gets wrong: named causes, an extended model, and the gain.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+data_app = typer.Typer(no_args_is_help=True, help="Log files and the recordings of real rigs.", rich_markup_mode=None)
+app.add_typer(data_app, name="data")
+
+LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings: CSV, Parquet, NPZ, MATLAB, ROS bag")]
+ColumnMapFile = Annotated[
+    Path | None, typer.Option("--columns", metavar="TOML", help="Names and units of the files' columns")
+]
+Repair = Annotated[bool, typer.Option("--repair", help="Mend broken rows, spikes and irregular time, and say so")]
+RigName = Annotated[str, typer.Argument(metavar="NAME", help="A data set; see: adeptone data list")]
+
+
+@app.command()
+def diagnose(
+    logs: LogFiles,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where report and model are written")],
+    holdout: Annotated[
+        list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Recordings for the gain only; repeatable")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option("--robot", metavar="ROBOT", help="adeptone, a rig's name or a TOML description")
+    ] = None,
+    joint: Annotated[int | None, typer.Option("--joint", metavar="J", help="Diagnose this joint only")] = None,
+    columns: ColumnMapFile = None,
+    repair: Repair = False,
+) -> None:
+    """Name what the nominal model of a robot gets wrong on measured logs."""
+    from diagnosis.run import diagnose_files
+
+    verdict = diagnose_files(logs, holdout or [], robot, joint, out, columns=columns, repair=repair)
+    typer.echo(verdict)
+
+
+@data_app.command("list")
+def data_list() -> None:
+    """The recordings of real rigs, and whether they are on this machine."""
+    from envs.rigs import rigs
+
+    for rig in rigs():
+        state = "here" if rig.available else f"not here; adeptone data fetch {rig.name}"
+        typer.echo(f"{rig.name}: {rig.title} ({state})")
+        for run in rig.runs:
+            typer.echo(f"  {run.name:24} {run.role.replace('_', '-'):9} {run.note}")
+
+
+@data_app.command("fetch")
+def data_fetch(name: RigName) -> None:
+    """Bring a data set to this machine, checked against its SHA-256."""
+    from envs.data_sets import fetch
+
+    for path in fetch(name):
+        typer.echo(path)
+
+
+@data_app.command("verify")
+def data_verify(name: Annotated[str | None, typer.Argument(metavar="NAME", help="All when left out")] = None) -> None:
+    """Compare the files on this machine with their SHA-256; exit 1 when one is missing or changed."""
+    from envs.data_sets import names, verify
+
+    unsound = 0
+    for data_set in [name] if name is not None else names():
+        states = list(verify(data_set))
+        wrong = [(item.path, state) for item, state in states if state != "sound"]
+        unsound += len(wrong)
+        typer.echo(f"{data_set}: {len(states) - len(wrong)} of {len(states)} files sound")
+        for path, state in wrong:
+            typer.echo(f"  {path}: {state}")
+    if unsound:
+        raise typer.Exit(1)
+
+
+@data_app.command("inspect")
+def data_inspect(logs: LogFiles, columns: ColumnMapFile = None, repair: Repair = False) -> None:
+    """Say what a log is made of; for a file with its own column names, propose a column map."""
+    from envs.inspection import inspect_file
+
+    for path in logs:
+        for line in inspect_file(path, columns, repair=repair):
+            typer.echo(line)
+
 
 def main() -> None:
-    """Placeholder until the sub-commands are wired."""
-    raise SystemExit("adeptone: no command yet")
+    """Runs the command line; input errors become one line on stderr and exit status 2."""
+    try:
+        app()
+    except (ValueError, OSError) as error:
+        own = type(error).__module__.partition(".")[0] in PACKAGES
+        if not (own or isinstance(error, OSError)):
+            raise
+        typer.echo(f"adeptone: {' '.join(str(error).split())}", err=True)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

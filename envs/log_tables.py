@@ -52,7 +52,7 @@ class Table:
         """One column as float64. Raises LogError when it is missing or holds text."""
         if name not in self.columns:
             raise LogError(
-                f"column {name} is missing; the file has {listed(self.columns)}",
+                f"there is no such column; the file has {listed(self.columns)}",
                 remedy="Rename a column or give a column map (adeptone data inspect proposes one)",
                 source=self.source,
                 column=name,

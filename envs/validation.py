@@ -310,7 +310,7 @@ def velocity_findings(log: Log, names: Names) -> Iterator[Finding]:
 
 
 def velocity_ratio(time: Array, position: Array, velocity: Array) -> float | None:
-    """Least-squares ratio of the measured velocity to the derivative of the position, None when they don't correlate.
+    """Least-squares ratio of the measured velocity to the derivative of the position, None when it cannot be told.
 
     Compared as displacements over windows of at least 20 samples, so that quantisation does not matter.
     """
@@ -318,7 +318,7 @@ def velocity_ratio(time: Array, position: Array, velocity: Array) -> float | Non
     travelled = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
     measured = (position[window:] - position[:-window])[::window]
     integrated = (travelled[window:] - travelled[:-window])[::window]
-    if not measured.any() or not integrated.any():
+    if len(measured) < 5 or not measured.any() or not integrated.any():
         return None
     cosine = float(measured @ integrated / math.sqrt((measured @ measured) * (integrated @ integrated)))
     return None if abs(cosine) < 0.8 else float(measured @ integrated / (measured @ measured))

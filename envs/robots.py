@@ -16,18 +16,21 @@ def robot_names() -> tuple[str, ...]:
 
 
 def find_robot(name: str) -> Robot:
-    """A robot by its name, or by the path of a TOML description (MJCF or URDF plus drives, see `load_robot`).
+    """A robot by its name (in any case), or by the path of a TOML description (MJCF or URDF plus drives).
+
+    The layout of descriptions is that of `load_robot`.
 
     Raises RobotError when the name is unknown or the description unusable.
     """
-    if name == "adeptone":
+    known = name.casefold()
+    if known == "adeptone":
         from envs.adeptone import adeptone
 
         return adeptone()
-    if name in robot_names():
+    if known in robot_names():
         from envs.rigs import rig
 
-        return rig(name).robot()
+        return rig(known).robot()
     path = Path(name)
     if path.suffix.lower() == ".toml":
         return load_robot(path)
@@ -37,7 +40,7 @@ def find_robot(name: str) -> Robot:
             remedy=f'Write a TOML with [body] file = "{path.name}" and one [[joint]] with [joint.drive] per joint',
             source=name,
         )
-    near = difflib.get_close_matches(name, robot_names(), n=1)
+    near = difflib.get_close_matches(known, robot_names(), n=1)
     raise RobotError(
         f"there is no robot {name!r}" + (f", did you mean {near[0]}?" if near else ""),
         remedy=f"Choose one of {', '.join(robot_names())} or give the path of a description (TOML)",

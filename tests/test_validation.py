@@ -1,4 +1,4 @@
-"""Every kind of bad recording gets one line with place and remedy; what is merely worth knowing is kept as a finding."""
+"""Every kind of bad recording gets one line with place and remedy; what is worth knowing is kept as a finding."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def test_truncated_files(suffix: str, tmp_path: Path) -> None:
     path.write_bytes(content[: len(content) * 2 // 3])
     if suffix == ".csv":
         assert len(load(path, repair=True)) < 400
-    with pytest.raises(LogError, match="cut|cells"):
+    with pytest.raises(LogError, match=r"cut|cells"):
         load(path)
 
 

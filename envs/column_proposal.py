@@ -44,6 +44,13 @@ class Proposal:
     map: ColumnMap
     lengths: tuple[int, ...] = ()
 
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """What a log needs and no column looked like."""
+        targets = self.map.columns
+        needed = {"the time": ("t",), "a position": ("q1",), "a command": ("v1", "i1", "tau1")}
+        return tuple(name for name, any_of in needed.items() if not any(target in targets for target in any_of))
+
     def toml(self) -> str:
         """The map as TOML, ready to be saved as sidecar."""
         lines = ["[columns]"]

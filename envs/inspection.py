@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from envs.column_proposal import propose
-from envs.log import COMMAND_UNIT, Log
+from envs.log import COMMAND_UNIT, Log, LogError
 from envs.log_files import load_with_findings, read_table, sidecar_path
 from envs.log_statistics import Timing, excitation_band, quantisation_step, saturation, timing
 from envs.log_tables import listed
@@ -144,5 +144,11 @@ def inspect_file(path: Path, column_map: Path | None = None, *, repair: bool = F
     yield ""
     yield from (f"    {line}" if line else "" for line in proposal.toml().splitlines())
     yield ""
+    if proposal.missing:
+        raise LogError(
+            f"no column looks like {' or '.join(proposal.missing)}",
+            remedy=f"Complete the proposed map and save it as {sidecar_path(path).name}",
+            source=str(path),
+        )
     log, findings = load_with_findings(path, proposal.map, repair=repair)
     yield from inspect(log, findings).lines()

@@ -89,8 +89,9 @@ def propose(table: Table) -> Proposal:
         if unit in ("m", "mm", "um"):
             lengths.append(joint)
     for signal, default in (("v", "V"), ("i", "A"), ("tau", "N m")):
-        commands = first_rate(by_signal[signal])[: len(positions)]
-        if len(commands) == len(positions) and commands:
+        joints = max(1, len(positions))
+        commands = first_rate(by_signal[signal])[:joints]
+        if len(commands) == joints:
             for joint, name in enumerate(commands, start=1):
                 unit = unit_of(name, signal) or (default if joint not in lengths or signal != "tau" else "N")
                 columns[f"{signal}{joint}"] = ColumnSource(name, unit=unit)

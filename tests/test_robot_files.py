@@ -1,0 +1,74 @@
+"""Anybody's robot: MJCF or URDF plus a TOML for the drives becomes a Robot; an impossible one is one clear line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envs.robot import RobotError
+from envs.robots import find_robot
+
+URDF = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0 0 -0.2"/><mass value="2.0"/>
+    <inertia ixx="0.03" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="10" velocity="5"/></joint>
+</robot>"""
+MJCF = """<mujoco><worldbody><body name="upper"><joint name="shoulder" type="hinge" axis="0 1 0"/>
+  <inertial pos="0 0 -0.2" mass="2.0" diaginertia="0.03 0.03 0.03"/></body></worldbody></mujoco>"""
+DRIVES = """
+name = "arm"
+[body]
+file = "{file}"
+[[joint]]
+name = "shoulder"
+kind = "revolute"
+lower = -2.0
+upper = 2.0
+[joint.drive]
+amplifier = "{amplifier}"
+amplifier_gain = 1.0
+command = "{amplifier}"
+resistance = 1.2
+motor_constant = 0.05
+gear_ratio = 50.0
+"""
+
+
+def describe(folder: Path, file: str = "arm.urdf", body: str = URDF, amplifier: str = "voltage") -> str:
+    (folder / file).write_text(body)
+    (folder / "arm.toml").write_text(DRIVES.format(file=file, amplifier=amplifier))
+    return str(folder / "arm.toml")
+
+
+@pytest.mark.parametrize(("file", "body"), [("arm.urdf", URDF), ("arm.xml", MJCF)])
+@pytest.mark.parametrize(("amplifier", "per_torque"), [("voltage", 1.2 / 2.5), ("current", 1 / 2.5), ("torque", 1.0)])
+def test_body_and_drives(file: str, body: str, amplifier: str, per_torque: float, tmp_path: Path) -> None:
+    robot = find_robot(describe(tmp_path, file, body, amplifier))
+    q = np.array([0.5])
+    assert robot.inertia_matrix(q) == pytest.approx(0.03 + 2.0 * 0.2**2)
+    assert robot.body.bias(q, np.zeros(1)) == pytest.approx(2.0 * 9.81 * 0.2 * np.sin(0.5))
+    assert robot.input_equivalent(1) == pytest.approx(per_torque)
+    assert robot.facts(1).input == amplifier
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('<mass value="2.0"/>', '<mass value="-2.0"/>'),
+        ('iyy="0.03"', 'iyy="-0.03"'),
+        ('izz="0.03"', 'izz="3.0"'),
+        ('name="shoulder"', 'name="elbow"'),
+        ("</robot>", ""),
+    ],
+)
+def test_impossible_bodies(old: str, new: str, tmp_path: Path) -> None:
+    path = describe(tmp_path, body=URDF.replace(old, new))
+    with pytest.raises(RobotError) as caught:
+        robot = find_robot(path)
+        robot.inertia_matrix(np.zeros(1))
+    assert "\n" not in str(caught.value)
+    assert "arm." in str(caught.value)

@@ -19,7 +19,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "temp": ("temperature", "temp"),
     "i": ("current", "cur", "iq", "amps", "amp", "ampere", "i", "ia", "ma"),
     "tau": ("torque", "effort", "tau", "force"),
-    "v": ("voltage", "volts", "volt", "dac", "u", "v", "vir", "input", "command", "cmd", "mv"),
+    "v": ("voltage", "volts", "volt", "dac", "u", "v", "vir", "input", "command", "cmd", "mv", "pwm", "duty"),
     "t": ("time", "timestamp", "stamp", "zeit", "t", "secs", "seconds", "sec"),
     "q": ("position", "pos", "angle", "theta", "q", "qm", "encoder", "enc", "joint", "phi", "displacement"),
 }
@@ -93,7 +93,7 @@ def propose(table: Table) -> Proposal:
         commands = first_rate(by_signal[signal])[:joints]
         if len(commands) == joints:
             for joint, name in enumerate(commands, start=1):
-                unit = unit_of(name, signal) or (default if joint not in lengths or signal != "tau" else "N")
+                unit = unit_of(name, signal) or command_unit(name, default, length=joint in lengths)
                 columns[f"{signal}{joint}"] = ColumnSource(name, unit=unit)
             break
     speeds = first_rate(by_signal["dq"])
@@ -131,6 +131,13 @@ def unit_of(name: str, signal: str) -> str | None:
     text = match[1].replace("Nm", "N m").replace("·", " ").replace("°", "deg")
     folded: Mapping[str, str] = {unit.casefold(): unit for unit in UNITS[signal]}
     return text if text in UNITS[signal] else folded.get(text.casefold())
+
+
+def command_unit(name: str, default: str, *, length: bool) -> str:
+    """Unit of a command whose name states none; a duty cycle needs its full scale from the owner of the file."""
+    if {"pwm", "duty"} & set(words_of(name)):
+        return "V * SUPPLY_VOLTAGE / FULL_SCALE"
+    return "N" if default == "N m" and length else default
 
 
 def is_clock(values: Array) -> bool:

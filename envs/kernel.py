@@ -86,7 +86,7 @@ def simulate(
     return Trajectories(sample_time * np.arange(out.shape[1]), out[..., 0:4], out[..., 4:8], out[..., 8:12])
 
 
-_ARM, _DRIVES, _DRIVE_ENTRIES = 7, 4, 12
+_ARM, _DRIVES, _DRIVE_ENTRIES = 8, 4, 14
 PARAMETERS = _ARM + _DRIVES * _DRIVE_ENTRIES
 """Length of a packed robot."""
 
@@ -94,25 +94,35 @@ PARAMETERS = _ARM + _DRIVES * _DRIVE_ENTRIES
 def pack(robot: Robot, *, held: Sequence[int] = (), stops: bool = True) -> Array:
     """A robot as the row of numbers that the compiled code reads, shape (PARAMETERS,).
 
-    Arm: p1, p2, p3, yaw, mass, weight, 1 if joint 2's motor stands on the base else 0. Per joint: reflected inertia
-    (infinite when held), viscous, torque constant, resistance, 1 / inductance (0: the current is no state), current
-    per volt and per velocity where it is no state, gain, limits of amplifier output and current, lower, upper limit.
+    Arm: p1, p2, p3, yaw, weight, 1 if joint 2's motor stands on the base else 0, 1 / M33, 1 / M44. Per joint: 0 if
+    held else 1, reflected inertia, viscous, torque constant, resistance, 1 / inductance (0: the current is no state),
+    share of the state in the current (1 or 0), current per amplifier output and per velocity where it is no state,
+    amplifier gain, limits of its output and of the current; last the rows' joint limits, lower and upper.
     """
     if not isinstance(robot.body, ScaraBody) or len(robot) != _DRIVES:
         raise RobotError(f"{robot.name} is no SCARA of four joints", remedy="Simulate it through envs.mjcf.robot_spec")
     based = np.array_equal(robot.coupling_matrix, BASE_MOTOR)
     rotors = robot.drive_values("reflected_inertia")
-    if (not based and not np.array_equal(robot.coupling_matrix, np.eye(_DRIVES))) or (based and rotors[1] != 0.0):
+    if not (np.array_equal(robot.coupling_matrix, np.eye(_DRIVES)) or (based and rotors[1] == 0.0)):
         raise RobotError(
             f"{robot.name} couples its motors in a way the compiled equations do not know",
             remedy="Simulate it through envs.mjcf.robot_spec",
         )
     p = robot.body.parameters
-    rows = [p.p1, p.p2, p.p3, p.yaw, p.mass, p.mass * p.gravity, float(based)]
+    rows = [
+        p.p1,
+        p.p2,
+        p.p3,
+        p.yaw,
+        p.mass * p.gravity,
+        float(based),
+        1 / (p.mass + rotors[2]),
+        1 / (p.yaw + rotors[3]),
+    ]
     for number, joint in enumerate(robot.joints, start=1):
-        inertia = math.inf if number in held else joint.drive.reflected_inertia
-        limits = (joint.lower.value, joint.upper.value) if stops else (-math.inf, math.inf)
-        rows += [inertia, joint.drive.viscous.value, *_electrical(joint.drive), *limits]
+        drive = joint.drive
+        rows += [float(number not in held), drive.reflected_inertia, drive.viscous.value, *_electrical(drive)]
+        rows += [joint.lower.value, joint.upper.value] if stops else [-math.inf, math.inf]
     return np.array(rows)
 
 
@@ -120,14 +130,14 @@ def _electrical(drive: Drive) -> tuple[float, ...]:
     gain, constant, resistance = drive.amplifier_gain.value, drive.torque_constant, drive.resistance.value
     limit = gain * drive.command_limit.value
     if drive.amplifier == "torque":
-        return 1.0, 0.0, 0.0, 1.0, 0.0, gain, limit, math.inf
+        return 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, gain, limit, math.inf
     current = drive.current_limit.value
     if drive.amplifier == "current":
-        return constant, 0.0, 0.0, 1.0, 0.0, gain, limit, current
+        return constant, 0.0, 0.0, 0.0, 1.0, 0.0, gain, limit, current
     limit = min(limit, drive.voltage_limit.value)
     if drive.inductance.value == 0.0:
-        return constant, resistance, 0.0, 1.0 / resistance, constant / resistance, gain, limit, current
-    return constant, resistance, 1.0 / drive.inductance.value, 0.0, 0.0, gain, limit, current
+        return constant, resistance, 0.0, 0.0, 1.0 / resistance, constant / resistance, gain, limit, current
+    return constant, resistance, 1.0 / drive.inductance.value, 1.0, 0.0, 0.0, gain, limit, current
 
 
 _OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "arcp", "nsz"}}
@@ -156,62 +166,78 @@ def _moved(state, step, slope):  # type: ignore[no-untyped-def]
 @numba.njit(**_OPTIONS)
 def _mean(first, second, third, fourth):  # type: ignore[no-untyped-def]
     """RK4's mean slope (k1 + 2 k2 + 2 k3 + k4) / 6 for tuples of four."""
-    return _moved((0.0, 0.0, 0.0, 0.0), 1.0 / 6.0, _moved(_moved(first, 1.0, fourth), 2.0, _moved(second, 1.0, third)))
+    total = _moved(_moved(first, 1.0, fourth), 2.0, _moved(second, 1.0, third))
+    return total[0] / 6.0, total[1] / 6.0, total[2] / 6.0, total[3] / 6.0
 
 
 @numba.njit(**_OPTIONS)
-def _motor(row, joint, voltage, current, speed):  # type: ignore[no-untyped-def]
-    """Torque at the joint and rate of the current; `voltage` is the amplifier's output, whatever it controls."""
-    at = _ARM + _DRIVE_ENTRIES * joint
-    constant, per_inductance = row[at + 2], row[at + 4]
-    if per_inductance > 0.0:
-        slope = (voltage - row[at + 3] * current - constant * speed) * per_inductance
+def _turned(sine, cosine, angle):  # type: ignore[no-untyped-def]
+    """Sine and cosine after a further turn: addition theorem, series to rounding for the small turn within a step."""
+    if abs(angle) > 0.02:
+        small_sine, small_cosine = math.sin(angle), math.cos(angle)
     else:
-        current, slope = row[at + 5] * voltage - row[at + 6] * speed, 0.0
-    return constant * _clip(current, row[at + 9]), slope
+        square = angle * angle
+        small_sine = angle * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))
+        small_cosine = 1.0 - 0.5 * square * (1.0 - square / 12.0 * (1.0 - square / 30.0))
+    return sine * small_cosine + cosine * small_sine, cosine * small_cosine - sine * small_sine
 
 
 @numba.njit(**_OPTIONS)
-def _slopes(row, angle, speed, current, voltage):  # type: ignore[no-untyped-def]
-    """q'' and i', two tuples of four, for joint 2 at `angle`."""
-    p1, p2, p3, yaw, mass, weight, based = row[0], row[1], row[2], row[3], row[4], row[5], row[6]
-    torque_1, slope_1 = _motor(row, 0, voltage[0], current[0], speed[0])
-    torque_2, slope_2 = _motor(row, 1, voltage[1], current[1], speed[1] + based * speed[0])
-    torque_3, slope_3 = _motor(row, 2, voltage[2], current[2], speed[2])
-    torque_4, slope_4 = _motor(row, 3, voltage[3], current[3], speed[3])
-    bias_1, bias_2 = _planar_bias(math.sin(angle), speed[0], speed[1], p3)
-    at_1, at_2, at_3, at_4 = _ARM, _ARM + _DRIVE_ENTRIES, _ARM + 2 * _DRIVE_ENTRIES, _ARM + 3 * _DRIVE_ENTRIES
-    net_1 = torque_1 + based * torque_2 - row[at_1 + 1] * speed[0] - bias_1
-    net_2 = torque_2 - row[at_2 + 1] * speed[1] - bias_2
-    net_3 = torque_3 - row[at_3 + 1] * speed[2] + weight
-    net_4 = torque_4 - row[at_4 + 1] * speed[3]
+def _motor(row, joint, output, current, speed):  # type: ignore[no-untyped-def]
+    """Torque at the joint and rate of the current; `output` is the amplifier's, whatever it controls."""
+    at = _ARM + _DRIVE_ENTRIES * joint + 3
+    constant = row[at]
+    slope = (output - row[at + 1] * current - constant * speed) * row[at + 2]
+    flowing = row[at + 3] * current + row[at + 4] * output - row[at + 5] * speed
+    return constant * _clip(flowing, row[at + 8]), slope
 
-    # Elimination of joint 4, then of joint 1, in divisions that an infinite (held) inertia turns into zeros.
-    m11, m12, m22 = _planar_inertia(math.cos(angle), p1, p2, p3, yaw)
-    m44 = yaw + row[at_4]
-    share = yaw / m44
-    m11, m12, m22 = m11 + row[at_1] - share * yaw, m12 - share * yaw, m22 + row[at_2] - share * yaw
+
+@numba.njit(**_OPTIONS)
+def _slopes(row, sine, cosine, speed, current, output):  # type: ignore[no-untyped-def]
+    """q'' and i', two tuples of four; sine and cosine of joint 2's angle."""
+    p1, p2, p3, yaw, based = row[0], row[1], row[2], row[3], row[5]
+    at_1, at_2, at_3, at_4 = _ARM, _ARM + _DRIVE_ENTRIES, _ARM + 2 * _DRIVE_ENTRIES, _ARM + 3 * _DRIVE_ENTRIES
+    free_1, free_2, free_3, free_4 = row[at_1], row[at_2], row[at_3], row[at_4]
+    torque_1, slope_1 = _motor(row, 0, output[0], current[0], speed[0])
+    torque_2, slope_2 = _motor(row, 1, output[1], current[1], speed[1] + based * speed[0])
+    torque_3, slope_3 = _motor(row, 2, output[2], current[2], speed[2])
+    torque_4, slope_4 = _motor(row, 3, output[3], current[3], speed[3])
+    bias_1, bias_2 = _planar_bias(sine, speed[0], speed[1], p3)
+    net_1 = torque_1 + based * torque_2 - row[at_1 + 2] * speed[0] - bias_1
+    net_2 = torque_2 - row[at_2 + 2] * speed[1] - bias_2
+    net_3 = torque_3 - row[at_3 + 2] * speed[2] + row[4]
+    net_4 = torque_4 - row[at_4 + 2] * speed[3]
+
+    # Joint 4 is eliminated first; a held joint's rows and columns vanish.
+    m11, m12, m22 = _planar_inertia(cosine, p1, p2, p3, yaw)
+    share = free_4 * yaw * row[7]
+    m11, m22 = m11 + row[at_1 + 1] - share * yaw, m22 + row[at_2 + 1] - share * yaw
+    m12 = (m12 - share * yaw) * free_1 * free_2
     net_1, net_2 = net_1 - share * net_4, net_2 - share * net_4
-    share = m12 / m11
-    acceleration_2 = (net_2 - share * net_1) / (m22 - share * m12)
-    acceleration_1 = (net_1 - m12 * acceleration_2) / m11
-    acceleration_3 = net_3 / (mass + row[at_3])
-    acceleration_4 = (net_4 - yaw * (acceleration_1 + acceleration_2)) / m44
+    inverse = 1.0 / (m11 * m22 - m12 * m12)
+    acceleration_1 = free_1 * inverse * (m22 * net_1 - m12 * net_2)
+    acceleration_2 = free_2 * inverse * (m11 * net_2 - m12 * net_1)
+    acceleration_3 = free_3 * row[6] * net_3
+    acceleration_4 = free_4 * row[7] * (net_4 - yaw * (acceleration_1 + acceleration_2))
     accelerations = (acceleration_1, acceleration_2, acceleration_3, acceleration_4)
     return accelerations, (slope_1, slope_2, slope_3, slope_4)
 
 
 @numba.njit(**_OPTIONS)
-def _step(row, position, speed, current, voltage, step):  # type: ignore[no-untyped-def]
+def _step(row, position, speed, current, output, step):  # type: ignore[no-untyped-def]
     """One step of RK4 for constant amplifier output."""
     half = 0.5 * step
-    a1, d1 = _slopes(row, position[1], speed, current, voltage)
+    sine, cosine = math.sin(position[1]), math.cos(position[1])
+    a1, d1 = _slopes(row, sine, cosine, speed, current, output)
+    sine_2, cosine_2 = _turned(sine, cosine, half * speed[1])
     speed_2 = _moved(speed, half, a1)
-    a2, d2 = _slopes(row, position[1] + half * speed[1], speed_2, _moved(current, half, d1), voltage)
+    a2, d2 = _slopes(row, sine_2, cosine_2, speed_2, _moved(current, half, d1), output)
+    sine_3, cosine_3 = _turned(sine, cosine, half * speed_2[1])
     speed_3 = _moved(speed, half, a2)
-    a3, d3 = _slopes(row, position[1] + half * speed_2[1], speed_3, _moved(current, half, d2), voltage)
+    a3, d3 = _slopes(row, sine_3, cosine_3, speed_3, _moved(current, half, d2), output)
+    sine_4, cosine_4 = _turned(sine, cosine, step * speed_3[1])
     speed_4 = _moved(speed, step, a3)
-    a4, d4 = _slopes(row, position[1] + step * speed_3[1], speed_4, _moved(current, step, d3), voltage)
+    a4, d4 = _slopes(row, sine_4, cosine_4, speed_4, _moved(current, step, d3), output)
     return (
         _moved(position, step, _mean(speed, speed_2, speed_3, speed_4)),
         _moved(speed, step, _mean(a1, a2, a3, a4)),
@@ -222,18 +248,18 @@ def _step(row, position, speed, current, voltage, step):  # type: ignore[no-unty
 @numba.njit(**_OPTIONS)
 def _stopped(row, joint, position, speed):  # type: ignore[no-untyped-def]
     """The joint's coordinate and speed after its stops."""
-    lower, upper = row[_ARM + _DRIVE_ENTRIES * joint + 10], row[_ARM + _DRIVE_ENTRIES * joint + 11]
-    if position < lower:
-        return lower, max(speed, 0.0)
-    if position > upper:
-        return upper, min(speed, 0.0)
+    at = _ARM + _DRIVE_ENTRIES * joint + 12
+    if position < row[at]:
+        return row[at], max(speed, 0.0)
+    if position > row[at + 1]:
+        return row[at + 1], min(speed, 0.0)
     return position, speed
 
 
 @numba.njit(**_OPTIONS)
 def _output(row, joint, command):  # type: ignore[no-untyped-def]
-    at = _ARM + _DRIVE_ENTRIES * joint
-    return _clip(row[at + 7] * command, row[at + 8])
+    at = _ARM + _DRIVE_ENTRIES * joint + 9
+    return _clip(row[at] * command, row[at + 1])
 
 
 @numba.njit(**_OPTIONS)
@@ -245,9 +271,9 @@ def _run_member(row, command, step, substeps, record):  # type: ignore[no-untype
     current = (start[8], start[9], start[10], start[11])
     for sample in range(len(command)):
         now = command[sample]
-        voltage = (_output(row, 0, now[0]), _output(row, 1, now[1]), _output(row, 2, now[2]), _output(row, 3, now[3]))
+        output = (_output(row, 0, now[0]), _output(row, 1, now[1]), _output(row, 2, now[2]), _output(row, 3, now[3]))
         for _ in range(substeps):
-            position, speed, current = _step(row, position, speed, current, voltage, step)
+            position, speed, current = _step(row, position, speed, current, output, step)
             q1, w1 = _stopped(row, 0, position[0], speed[0])
             q2, w2 = _stopped(row, 1, position[1], speed[1])
             q3, w3 = _stopped(row, 2, position[2], speed[2])

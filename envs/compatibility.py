@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from envs.log import Log, LogError
+from envs.log import JointFacts, Log, LogError
 from envs.log_statistics import quantisation_step
 from envs.robot import Robot
 from envs.validation import Finding, command_column
@@ -23,7 +23,8 @@ def with_robot(log: Log, robot: Robot) -> tuple[Log, tuple[Finding, ...]]:
     Facts that the log states itself stay. Raises LogError when a joint does not exist, takes another kind of command,
     or moves far beyond its limits in a way that a wrong unit explains.
     """
-    facts, findings = [], []
+    facts: list[JointFacts] = []
+    findings: list[Finding] = []
     for column, joint in enumerate(log.joints):
         if joint > len(robot):
             raise LogError(

@@ -12,17 +12,17 @@ from envs.log import JointFacts, Log, LogError
 from envs.robots import find_robot
 
 
-def swing(joint: int = 1, amplitude: float = 0.5, **facts: object) -> Log:
+def swing(joint: int = 1, amplitude: float = 0.5, middle: float = 0.0, **facts: object) -> Log:
     t = 1e-3 * np.arange(500)
     return Log(
-        t, np.sin(9.0 * t)[:, None], amplitude * np.sin(9.0 * t)[:, None], (joint,),
+        t, np.sin(9.0 * t)[:, None], (middle + amplitude * np.sin(9.0 * t))[:, None], (joint,),
         facts=(JointFacts(**facts),), source="log.csv",  # type: ignore[arg-type]
     )  # fmt: skip
 
 
 def test_facts_of_the_robot_complete_the_log() -> None:
     robot = find_robot("adeptone")
-    log, findings = with_robot(swing(3, 0.05), robot)
+    log, findings = with_robot(swing(3, 0.05, 0.1), robot)
     assert findings == ()
     assert log.facts == (robot.facts(3),)
     assert log.robot == robot.name
@@ -35,7 +35,7 @@ def test_facts_of_the_robot_complete_the_log() -> None:
         (swing(7), "has joints 1 to 4, not 7"),
         (swing(input="torque"), "takes a voltage"),
         (swing(amplitude=57.3 * 0.5), "this looks like degrees"),
-        (swing(3, amplitude=60.0), "this looks like millimetres"),
+        (swing(3, 50.0, 100.0), "this looks like millimetres"),
     ],
 )
 def test_logs_of_another_robot(log: Log, complaint: str) -> None:

@@ -38,7 +38,7 @@ def shape(form: str, time: Array, rng: Rng) -> Array:
         growth = math.log(high / low)
         return fade * np.sin(2 * np.pi * low * duration / growth * np.expm1(growth * time / duration))
     if form in ("multisine", "injection"):
-        lines = rng.choice(np.arange(3, int(log_uniform(rng, 5.0, 12.0) * duration)), int(rng.integers(8, 30)), False)
+        lines = rng.choice(np.arange(3, int(log_uniform(rng, 3.0, 12.0) * duration)), int(rng.integers(8, 30)), False)
         weight = lines ** -rng.uniform(0.0, 0.5)
         waves = np.sin(2 * np.pi * np.outer(time, lines / duration) + rng.uniform(0, 2 * np.pi, len(lines)))
         signal = waves @ weight
@@ -92,11 +92,11 @@ def position_loop(machine: Machine, rng: Rng) -> Loop:
 def plan(
     machine: Machine, form: str, mode: Literal["open", "closed"], loop: Loop, duration: float, rng: Rng
 ) -> Experiment:
-    """An experiment scaled so that the clean machine stays within travel, speed and command limits."""
+    """An experiment scaled so that the clean machine uses a random share of its travel, speed or command limit."""
     time = machine.sample_time * np.arange(round(duration / machine.sample_time))
     n = len(machine.joints)
     signals = np.column_stack([shape(form, time, rng) for _ in range(n)])
-    share = rng.uniform(0.45, 0.9, n)
+    share = np.array([log_uniform(rng, 0.3, 0.9) for _ in range(n)])
     start = rng.uniform(-0.1, 0.1, n) * np.array(machine.travel)
     limit, travel, speed = (np.array(x) for x in (machine.command_limit, machine.travel, machine.speed))
     weight = np.array([joint.weight * input_equivalent(joint) for joint in machine.joints])
@@ -117,11 +117,11 @@ def plan(
         span = np.abs(motion.position - (0.0 if np.isfinite(travel).all() else start)).max(axis=0) / travel
         fast = np.abs(motion.velocity).max(axis=0) / speed
         hard = np.abs(motion.command).max(axis=0) / (0.9 * limit)
-        excess = np.maximum(np.maximum(span, fast), hard)
-        if not np.isfinite(excess).all():
+        used = np.maximum(np.maximum(span, fast), hard) / share
+        if not np.isfinite(used).all():
             amplitude = amplitude * 0.3
-        elif (excess > 1.0).any():
-            amplitude = np.where(excess > 1.0, amplitude * 0.9 / np.minimum(excess, 5.0), amplitude)
+        elif (used > 1.1).any() or (used < 0.8).any():
+            amplitude = amplitude / np.clip(used, 0.2, 5.0)
         else:
             break
     return experiment
@@ -140,5 +140,5 @@ def run_quietly(machine: Machine, joints: tuple[Joint, ...], experiment: Experim
         command_limit=np.array(machine.command_limit),
         start=experiment.start,
         ramp=machine.hold == "first_order" and experiment.mode == "open",
-        step_limit=1e-4,
+        step_limit=2e-4,
     )

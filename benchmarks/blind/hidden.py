@@ -160,6 +160,10 @@ def _single(machine: Machine) -> bool:
     return len(machine.joints) == 1
 
 
+def _separate(machine: Machine) -> bool:
+    return machine.coupling_inertia == 0.0
+
+
 def _offers(table: dict[str, tuple[Rule, Where]], *where: Where) -> Callable[[Rule], Rule]:
     def register(rule: Rule) -> Rule:
         table[rule.__name__] = (rule, lambda machine: all(test(machine) for test in where))
@@ -307,7 +311,7 @@ def _shaft_parameters(d: Draw, changes: dict[str, Any]) -> dict[str, Parameter]:
     }
 
 
-@_offers(VOCABULARY)
+@_offers(VOCABULARY, _separate)
 def joint_flexibility(d: Draw) -> Hidden:
     nyquist = 0.5 / d.machine.sample_time
     slowest = max(4.0, 0.6 * d.machine.bandwidth[1] / (2 * math.pi) * 3.0)
@@ -318,7 +322,7 @@ def joint_flexibility(d: Draw) -> Hidden:
     return Hidden("joint_flexibility", changes, _shaft_parameters(d, changes), law)
 
 
-@_offers(VOCABULARY)
+@_offers(VOCABULARY, _separate)
 def backlash(d: Draw) -> Hidden:
     nyquist = 0.5 / d.machine.sample_time
     changes = _two_bodies(d, min(20.0, 0.3 * nyquist), min(80.0, 0.6 * nyquist))
@@ -343,6 +347,9 @@ def axis_coupling(d: Draw) -> Hidden:
         Coupling.TORQUE: (d.scales.other_torque, ""),
     }[law]
     value = torque / scale
+    if law == Coupling.ACCELERATION:  # short of a singular inertia matrix
+        bound = 0.5 * min(total_inertia(joint) for joint in d.machine.joints)
+        value = min(max(value, -bound), bound)
     parameter = Parameter(value, "1") if law == Coupling.TORQUE else d.per(value, unit)
     return Hidden("axis_coupling", {"coupling": value, "coupling_law": law}, {"coefficient": parameter}, law.name)
 
@@ -463,7 +470,8 @@ def cable_spring(d: Draw) -> Hidden:
 @_offers(VOCABULARY)
 def payload_change(d: Draw) -> Hidden:
     inertia = d.size(0.04, 0.5) * total_inertia(d.joint)
-    time = float(d.rng.uniform(0.25, 0.75)) * d.scales.duration
+    samples = d.scales.duration / d.machine.sample_time
+    time = round(float(d.rng.uniform(0.25, 0.75)) * samples) * d.machine.sample_time
     law = d.law(Grasp, 0.7)
     unit = "kg m^2" if d.rotary else "kg"
     return Hidden(

@@ -2,17 +2,18 @@
 
     python -m benchmarks.blind.trials --seed 1 --kind single --out DIR
 
-writes ``DIR/logs/seed_kind/`` with train_0.csv, train_1.csv, holdout_0.csv, their sidecars and `nominal.toml`, the data
-sheet an engineer would have at hand; and ``DIR/truth/seed_kind/truth.json``.
+writes ``DIR/logs/NAME/`` with train_0.csv, train_1.csv, holdout_0.csv, their sidecars and `nominal.toml`, the data
+sheet an engineer would have at hand; and ``DIR/truth/NAME/truth.json``. NAME says nothing about the trial.
 
 Seeds from KEPT_APART upward are kept apart: they are scored, never looked at while a method is being tuned.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,12 +23,19 @@ import typer
 
 from benchmarks.blind.excitation import CLOSED_FORMS, OPEN_FORMS, Experiment, plan, position_loop, run_quietly
 from benchmarks.blind.hidden import FOREIGN, VOCABULARY, Draw, Hidden, Scales, applicable, compatible, rms
-from benchmarks.blind.machines import FAMILIES, Machine, Rng, input_equivalent, log_uniform, total_inertia
+from benchmarks.blind.machines import COMMON, FAMILIES, Machine, Rng, input_equivalent, log_uniform, total_inertia
+from benchmarks.blind.visibility import Streams, jitter_visibility, visibility
 from benchmarks.blind.world import Array, Drive, Joint, Motion, simulate
 from envs.log import Log
 
 KEPT_APART = 1_000_000
 """Seeds from here on are for scoring alone."""
+
+VISIBLE = 12.0
+"""Least visibility of the hidden effects, in standard deviations of the test that knows the effect."""
+
+EDGE = (1.5, 15.0)
+"""Range of visibility of weak effects."""
 
 NOISE_CORRELATION = 0.02
 """Correlation time of the unlogged amplifier noise [s]."""
@@ -45,10 +53,11 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class TrueEffect:
-    """An effect as it was hidden."""
+    """An effect as it was hidden; `visibility` (benchmarks.blind.visibility) on the training logs."""
 
     joint: int
     hidden: Hidden
+    visibility: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -71,6 +80,7 @@ class Truth:
     forms: tuple[str, ...]
     machine: Machine
     joints: tuple[Joint, ...]
+    streams: tuple[Streams, ...] = field(default=(), repr=False)
 
 
 @dataclass(frozen=True)
@@ -100,9 +110,12 @@ def make_trial(
     rng = np.random.default_rng([seed, list(Kind).index(kind)])
     names = _names(kind, seed, effect)
     for _ in range(40):
-        trial = _attempt(seed, kind, family, names, duration, train, rng)
-        if trial is not None:
-            return trial
+        machine = FAMILIES[family or _family(names, rng)](rng)
+        offered = applicable(FOREIGN if kind == Kind.FOREIGN else VOCABULARY, machine)
+        if all(name in offered for name in names):
+            trial = _attempt(seed, kind, machine, names, duration, train, rng)
+            if trial is not None:
+                return trial
     raise ValueError(f"no {family or 'machine'} found that can hide {names}. Choose another family or effect")
 
 
@@ -113,25 +126,48 @@ def _names(kind: Kind, seed: int, effect: str | None) -> tuple[str, ...]:
     return (table[seed % len(table)],)
 
 
+def _family(names: tuple[str, ...], rng: Rng) -> str:
+    return str(rng.choice([*COMMON, "gantry"] if "axis_coupling" in names else COMMON))
+
+
 def _attempt(
-    seed: int, kind: Kind, family: str | None, names: tuple[str, ...], duration: float, train: int, rng: Rng
+    seed: int, kind: Kind, machine: Machine, names: tuple[str, ...], duration: float, train: int, rng: Rng
 ) -> Trial | None:
-    """One draw of machine, experiments and hidden effects; None when they do not go together."""
-    table = FOREIGN if kind == Kind.FOREIGN else VOCABULARY
-    machine = FAMILIES[family or str(rng.choice(list(FAMILIES)))](rng)
-    offered = applicable(table, machine)
-    if any(name not in offered for name in names):
-        return None
-    if kind == Kind.PAIR:
-        partners = [name for name in offered if compatible(names[0], name)]
+    """Experiments and hidden effects for a machine; None when no draw of them is as visible as it should be."""
+    if kind == Kind.PAIR and len(names) == 1:
+        partners = [name for name in applicable(VOCABULARY, machine) if compatible(names[0], name)]
         names = (names[0], str(rng.choice(partners)))
     experiments = _experiments(machine, duration, train, rng)
-    quiet = [run_quietly(machine, machine.joints, experiment) for experiment in experiments]
+    quiet = [run_quietly(machine, machine.joints, experiment) for experiment in experiments[:train]]
+    scales = [_scales(machine, index, quiet, duration) for index in range(len(machine.joints))]
+    for _ in range(6):
+        trial = _hide(seed, kind, machine, names, experiments, scales, rng)
+        if trial is None:
+            continue
+        seen = [effect.visibility for effect in trial.truth.effects]
+        low, high = EDGE if kind == Kind.WEAK else (VISIBLE, math.inf)
+        if all(low <= value <= high for value in seen):
+            return trial
+    return None
+
+
+def _hide(
+    seed: int,
+    kind: Kind,
+    machine: Machine,
+    names: tuple[str, ...],
+    experiments: list[Experiment],
+    scales: list[Scales],
+    rng: Rng,
+) -> Trial | None:
+    """One draw of effects and the recordings with them; None when a recording fails."""
+    table = FOREIGN if kind == Kind.FOREIGN else VOCABULARY
     effects = []
     for name in names:
         index = int(rng.integers(len(machine.joints)))
-        draw = Draw(rng, machine, index, _scales(machine, index, quiet[:train], duration), kind == Kind.WEAK)
+        draw = Draw(rng, machine, index, scales[index], kind == Kind.WEAK)
         effects.append(TrueEffect(machine.numbers[index], table[name][0](draw)))
+    train = len(experiments) - 1
     joints = _joints_with(machine, effects)
     level = 0.0 if rng.random() < 0.3 else log_uniform(rng, 1e-5, 1e-3)
     amplifier_noise = tuple(level * limit for limit in machine.command_limit)
@@ -150,14 +186,34 @@ def _attempt(
         machine=machine,
         joints=joints,
     )
-    logs = []
+    logs: list[Log] = []
+    streams: list[Streams] = []
     for number, experiment in enumerate(experiments):
         name = f"train_{number}" if number < train else f"holdout_{number - train}"
-        log = record(truth, experiment, name, rng)
-        if log is None:
+        recording = record(truth, experiment, name, rng)
+        if recording is None:
             return None
-        logs.append(log)
-    return Trial(tuple(logs[:train]), tuple(logs[train:]), truth)
+        logs.append(recording[0])
+        streams.append(recording[1])
+    truth = replace(truth, streams=tuple(streams))
+    seen = tuple(
+        replace(effect, visibility=_visibility(truth, effect, tuple(logs[:train]))) for effect in truth.effects
+    )
+    return Trial(tuple(logs[:train]), tuple(logs[train:]), replace(truth, effects=seen))
+
+
+def _visibility(truth: Truth, effect: TrueEffect, logs: tuple[Log, ...]) -> float:
+    """Visibility of one effect when the others are known."""
+    index = truth.machine.numbers.index(effect.joint)
+    if "timestamp_jitter" in effect.hidden.streams:
+        speed = np.concatenate([np.gradient(log.position[:, index], truth.machine.sample_time) for log in logs])
+        floor = math.hypot(truth.joints[index].encoder_step / math.sqrt(12.0), truth.sensor_noise[index])
+        return jitter_visibility(effect.hidden.streams["timestamp_jitter"], speed, floor)
+    others = [other for other in truth.effects if other is not effect]
+    without = _joints_with(truth.machine, others)
+    with_streams = truth.streams[: len(logs)]
+    fewer = tuple(Streams() for _ in logs) if effect.hidden.streams else with_streams
+    return visibility(truth.machine, truth.joints, without, logs, with_streams, fewer)
 
 
 def _experiments(machine: Machine, duration: float, train: int, rng: Rng) -> list[Experiment]:
@@ -242,8 +298,8 @@ def wandering(time: Array, largest: float, rng: Rng) -> Array:
     return 0.5 * largest * (1.0 - np.cos(2 * np.pi * rate * time + 0.8 * np.sin(2 * np.pi * 0.37 * rate * time)))
 
 
-def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> Log | None:
-    """The experiment on the true machine; None when the machine leaves its working range or runs away."""
+def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> tuple[Log, Streams] | None:
+    """The experiment on the true machine and its hidden signals; None when it leaves its range, runs away or sticks."""
     machine, joints = truth.machine, truth.joints
     samples, n = experiment.feed.shape
     time = machine.sample_time * np.arange(samples)
@@ -280,7 +336,9 @@ def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> Log | N
     travel, speed = np.array(machine.travel), np.array(machine.speed)
     inside = np.abs(motion.position).max(axis=0) <= 1.6 * travel
     slow = np.abs(motion.velocity).max(axis=0) <= 2.0 * speed
-    if not (np.isfinite(motion.position).all() and inside.all() and slow.all()):
+    moved = np.ptp(motion.position, axis=0)
+    moving = moved >= np.maximum(100.0 * np.array([joint.encoder_step for joint in joints]), 0.02 * travel)
+    if not (np.isfinite(motion.position).all() and inside.all() and slow.all() and moving.all()):
         return None
     measured = motion.measured
     if jitter > 0.0:
@@ -290,7 +348,7 @@ def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> Log | N
             time = time - time[0]
         else:
             measured = _resampled(truth, motion, np.clip(time + shift, 0.0, time[-1]), sensor_noise)
-    return Log(
+    log = Log(
         time=time,
         command=motion.command,
         position=measured,
@@ -300,6 +358,7 @@ def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> Log | N
         loop=experiment.mode,
         name=name,
     )
+    return log, Streams(**streams)
 
 
 def _resampled(truth: Truth, motion: Motion, instants: Array, noise: Array) -> Array:
@@ -355,6 +414,7 @@ def truth_table(truth: Truth) -> dict[str, Any]:
                     key: {k: v for k, v in asdict(value).items() if v is not None}
                     for key, value in effect.hidden.parameters.items()
                 },
+                "visibility": effect.visibility,
                 "equivalent": [sorted(names) for names in effect.hidden.equivalent],
             }
             for effect in truth.effects
@@ -392,8 +452,8 @@ def main(
     family: Annotated[str | None, typer.Option(help="Force the family of machines.")] = None,
     effect: Annotated[str | None, typer.Option(help="Force the hidden effect.")] = None,
 ) -> None:
-    """Writes one trial below OUT: logs/SEED_KIND/ and truth/SEED_KIND/."""
-    name = f"{seed}_{kind.value}"
+    """Writes one trial below OUT: logs/NAME/ and truth/NAME/."""
+    name = hashlib.sha256(repr((seed, kind.value, family, effect)).encode()).hexdigest()[:12]
     write_trial(make_trial(seed, kind, family, effect=effect), out / "logs" / name, out / "truth" / name)
 
 

@@ -234,6 +234,33 @@ class Joint:
     base_damping: float = 0.0
 
 
+STATE = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            # of the joint; the base is the first joint's
+            *(
+                "angle",
+                "speed",
+                "motor_angle",
+                "motor_speed",
+                "current",
+                "hysteresis",
+                "heat",
+                "warm",
+                "lag",
+                "inertia",
+            ),
+            *("base_angle", "base_speed", "base_acceleration"),
+            # of the step: motor and shaft torque, torque balance, accelerations, torque a stuck body bears, load
+            *("drive", "shaft", "rhs", "link_acceleration", "motor_acceleration", "hold", "load"),
+            # speeds at which the accelerations are evaluated, and of the base
+            *("w", "wm", "wb"),
+        )
+    ]
+    + [("bristle", np.float64, 4)]
+)
+
 RECORD = np.dtype([(f.name, np.int64 if f.type == "int" else np.float64) for f in fields(Joint)])
 
 
@@ -442,165 +469,179 @@ def _load(p, q, hysteresis, t, h):
 
 
 @njit(cache=True)
-def _accelerations(p, pair, mode, s, w, wm, load, t, a, am, hold):
-    """Accelerations of links `a` and motors `am`, and the torque `hold` that a stuck body has to bear."""
-    n = len(p)
-    drive, transmitted, rhs = s.drive, s.transmitted, s.rhs
-    for j in range(n):
-        i_body = wm[j] if p[j].elastic == 1 else w[j]
-        drive[j] = _motor_torque(p[j], s.current[j], s.motor_angle[j], i_body)
-    for j in range(n):
-        on_motor = p[j].elastic == 1 and p[j].friction_side == Side.MOTOR
-        v = wm[j] if on_motor else w[j]
-        shaft = drive[j]
-        if p[j].elastic == 1:
-            shaft = _shaft_torque(p[j], s.motor_angle[j] - s.angle[j], wm[j] - w[j])
-        transmitted[j] = shaft
-        friction = _wet_friction(p[j], v, s.warm[j]) + _bristle_torque(p[j], s.bristle[j], v)
-        if mode[j] == 1 or mode[j] == -1:
-            friction += mode[j] * _dry_level(p[j], v, mode[j], shaft)
-        rhs[j] = shaft + load[j]
-        if n == 2 and p[j].coupling != 0.0:
-            if p[j].coupling_law == Coupling.VELOCITY:
-                rhs[j] += p[j].coupling * w[1 - j]
-            elif p[j].coupling_law == Coupling.TORQUE:
-                rhs[j] += p[j].coupling * drive[1 - j]
-        if on_motor:
-            balance = drive[j] - shaft - friction
-            am[j] = balance / p[j].motor_inertia
-            if mode[j] == 0:
-                am[j] = 0.0
-                hold[j] = balance
-        else:
-            rhs[j] -= friction
-            if p[j].elastic == 1:
-                am[j] = (drive[j] - shaft) / p[j].motor_inertia
-    if n == 1:
-        inertia = s.inertia[0]
-        if p[0].inertia_wave != 0.0:
-            phase = p[0].inertia_cycles * s.angle[0] + p[0].inertia_phase
-            rhs[0] -= 0.5 * inertia * p[0].inertia_wave * p[0].inertia_cycles * math.cos(phase) * w[0] * w[0]
-            inertia *= 1.0 + p[0].inertia_wave * math.sin(phase)
-        a[0] = rhs[0] / inertia
-        if p[0].base_inertia > 0.0:
-            swing = (-rhs[0] - p[0].base_stiffness * s.base[0] - p[0].base_damping * s.base[1]) / p[0].base_inertia
-            s.base[2] = swing
-            a[0] -= swing
-        if mode[0] == 0 and not (p[0].elastic == 1 and p[0].friction_side == Side.MOTOR):
-            a[0] = 0.0
-            hold[0] = rhs[0]
-        return
-    m11, m22, m12 = s.inertia[0], s.inertia[1], 0.0
-    if pair != 0.0:
-        m12 = p[1].link_inertia + pair * math.cos(s.angle[1])
-        m11 += p[1].link_inertia + 2.0 * pair * math.cos(s.angle[1])
-        bend = pair * math.sin(s.angle[1])
-        rhs[0] += bend * w[1] * (2.0 * w[0] + w[1])
-        rhs[1] -= bend * w[0] * w[0]
-    for j in range(2):
-        if p[j].coupling_law == Coupling.ACCELERATION:
-            m12 += p[j].coupling
-    locked0 = mode[0] == 0 and not (p[0].elastic == 1 and p[0].friction_side == Side.MOTOR)
-    locked1 = mode[1] == 0 and not (p[1].elastic == 1 and p[1].friction_side == Side.MOTOR)
-    if locked0 and locked1:
-        a[0] = a[1] = 0.0
-        hold[0], hold[1] = rhs[0], rhs[1]
-    elif locked0:
-        a[0] = 0.0
-        a[1] = rhs[1] / m22
-        hold[0] = rhs[0] - m12 * a[1]
-    elif locked1:
-        a[1] = 0.0
-        a[0] = rhs[0] / m11
-        hold[1] = rhs[1] - m12 * a[0]
-    else:
-        det = m11 * m22 - m12 * m12
-        a[0] = (m22 * rhs[0] - m12 * rhs[1]) / det
-        a[1] = (m11 * rhs[1] - m12 * rhs[0]) / det
+def _rubs_on_motor(p):
+    return p.elastic == 1 and p.friction_side == Side.MOTOR
 
 
 @njit(cache=True)
-def _kick(p, pair, mode, s, load, t, h):
-    """Velocities over h at frozen angles and currents; stops at every velocity zero of a body with dry friction."""
+def _accelerations(p, pair, mode, s):
+    """Accelerations at the speeds s.w, s.wm, s.wb, and the torque s.hold that a stuck body has to bear."""
     n = len(p)
-    w, wm, a, am, hold, w_mid, wm_mid = s.speed, s.motor_speed, s.a, s.am, s.hold, s.w_mid, s.wm_mid
+    for j in range(n):
+        s[j].drive = _motor_torque(p[j], s[j].current, s[j].motor_angle, s[j].wm if p[j].elastic == 1 else s[j].w)
+    for j in range(n):
+        on_motor = _rubs_on_motor(p[j])
+        v = s[j].wm if on_motor else s[j].w
+        shaft = s[j].drive
+        if p[j].elastic == 1:
+            shaft = _shaft_torque(p[j], s[j].motor_angle - s[j].angle, s[j].wm - s[j].w)
+        s[j].shaft = shaft
+        friction = _wet_friction(p[j], v, s[j].warm) + _bristle_torque(p[j], s[j].bristle, v)
+        if mode[j] == 1 or mode[j] == -1:
+            friction += mode[j] * _dry_level(p[j], v, mode[j], shaft)
+        rhs = shaft + s[j].load
+        if n == 2 and p[j].coupling != 0.0:
+            if p[j].coupling_law == Coupling.VELOCITY:
+                rhs += p[j].coupling * s[1 - j].w
+            elif p[j].coupling_law == Coupling.TORQUE:
+                rhs += p[j].coupling * s[1 - j].drive
+        if on_motor:
+            balance = s[j].drive - shaft - friction
+            s[j].motor_acceleration = 0.0 if mode[j] == 0 else balance / p[j].motor_inertia
+            s[j].hold = balance
+        else:
+            rhs -= friction
+            if p[j].elastic == 1:
+                s[j].motor_acceleration = (s[j].drive - shaft) / p[j].motor_inertia
+        s[j].rhs = rhs
+    if n == 1:
+        _single_link(p[0], mode[0] == 0 and not _rubs_on_motor(p[0]), s[0])
+    else:
+        _two_links(p, pair, mode, s)
+
+
+@njit(cache=True)
+def _single_link(p, locked, s):
+    inertia = s.inertia
+    if p.inertia_wave != 0.0:
+        phase = p.inertia_cycles * s.angle + p.inertia_phase
+        s.rhs -= 0.5 * inertia * p.inertia_wave * p.inertia_cycles * math.cos(phase) * s.w * s.w
+        inertia *= 1.0 + p.inertia_wave * math.sin(phase)
+    s.link_acceleration = s.rhs / inertia
+    if p.base_inertia > 0.0:
+        pull = p.base_stiffness * s.base_angle + p.base_damping * s.wb
+        s.base_acceleration = -(s.rhs + pull) / p.base_inertia
+        s.link_acceleration -= s.base_acceleration
+    if locked:
+        s.link_acceleration = 0.0
+        s.hold = s.rhs
+
+
+@njit(cache=True)
+def _two_links(p, pair, mode, s):
+    m11, m22, m12 = s[0].inertia, s[1].inertia, 0.0
+    if pair != 0.0:
+        second = s[1].inertia - (p[1].motor_inertia if p[1].elastic == 0 else 0.0)
+        m12 = second + pair * math.cos(s[1].angle)
+        m11 += second + 2.0 * pair * math.cos(s[1].angle)
+        bend = pair * math.sin(s[1].angle)
+        s[0].rhs += bend * s[1].w * (2.0 * s[0].w + s[1].w)
+        s[1].rhs -= bend * s[0].w * s[0].w
+    for j in range(2):
+        if p[j].coupling_law == Coupling.ACCELERATION:
+            m12 -= p[j].coupling
+    free0 = mode[0] != 0 or _rubs_on_motor(p[0])
+    free1 = mode[1] != 0 or _rubs_on_motor(p[1])
+    a0, a1 = 0.0, 0.0
+    if free0 and free1:
+        det = m11 * m22 - m12 * m12
+        a0 = (m22 * s[0].rhs - m12 * s[1].rhs) / det
+        a1 = (m11 * s[1].rhs - m12 * s[0].rhs) / det
+    elif free0:
+        a0 = s[0].rhs / m11
+        s[1].hold = s[1].rhs - m12 * a0
+    elif free1:
+        a1 = s[1].rhs / m22
+        s[0].hold = s[0].rhs - m12 * a1
+    else:
+        s[0].hold, s[1].hold = s[0].rhs, s[1].rhs
+    s[0].link_acceleration, s[1].link_acceleration = a0, a1
+
+
+@njit(cache=True)
+def _look(s, share):
+    """Sets the speeds of evaluation a time `share` ahead of the present ones."""
+    for j in range(len(s)):
+        s[j].w = s[j].speed + share * s[j].link_acceleration
+        s[j].wm = s[j].motor_speed + share * s[j].motor_acceleration
+    s[0].wb = s[0].base_speed + share * s[0].base_acceleration
+
+
+@njit(cache=True)
+def _kick(p, pair, mode, s, h):
+    """Speeds over h at frozen angles and currents; stops at every zero of a speed with dry friction."""
+    n = len(p)
     left = h
     for _ in range(8):
+        _look(s, 0.0)
         for j in range(n):
             if mode[j] == 0:
-                _accelerations(p, pair, mode, s, w, wm, load, t, a, am, hold)
-                direction = 1 if hold[j] > 0.0 else -1
-                if abs(hold[j]) > _dry_level(p[j], 0.0, direction, s.transmitted[j]):
+                _accelerations(p, pair, mode, s)
+                direction = 1 if s[j].hold > 0.0 else -1
+                if abs(s[j].hold) > _dry_level(p[j], 0.0, direction, s[j].shaft):
                     mode[j] = direction
-        _accelerations(p, pair, mode, s, w, wm, load, t, a, am, hold)
-        for j in range(n):
-            w_mid[j] = w[j] + 0.5 * left * a[j]
-            wm_mid[j] = wm[j] + 0.5 * left * am[j]
-        base_mid = s.base[1]
-        if p[0].base_inertia > 0.0:
-            s.base[1] = base_mid + 0.5 * left * s.base[2]
-        _accelerations(p, pair, mode, s, w_mid, wm_mid, load, t, a, am, hold)
-        s.base[1] = base_mid
-        share, who = 1.0, -1
+        _accelerations(p, pair, mode, s)
+        _look(s, 0.5 * left)
+        _accelerations(p, pair, mode, s)
+        span, who = left, -1
         for j in range(n):
             if mode[j] == 1 or mode[j] == -1:
-                on_motor = p[j].elastic == 1 and p[j].friction_side == Side.MOTOR
-                v, dv = (wm[j], am[j] * left) if on_motor else (w[j], a[j] * left)
-                if (v + dv) * mode[j] < 0.0:
-                    crossing = min(max(v / -dv, 0.0), 1.0)
-                    if crossing < share:
-                        share, who = crossing, j
+                on_motor = _rubs_on_motor(p[j])
+                v = s[j].motor_speed if on_motor else s[j].speed
+                a = s[j].motor_acceleration if on_motor else s[j].link_acceleration
+                if (v + a * left) * mode[j] < 0.0:
+                    crossing = min(max(-v / a, 0.0), left)
+                    if crossing < span or who < 0:
+                        span, who = crossing, j
+        _look(s, span)
         for j in range(n):
-            w[j] += share * left * a[j]
-            wm[j] += share * left * am[j]
-        s.base[1] += share * left * s.base[2]
+            s[j].speed, s[j].motor_speed = s[j].w, s[j].wm
+        s[0].base_speed = s[0].wb
         if who < 0:
             return
-        left *= 1.0 - share
+        left -= span
         mode[who] = 0
-        if p[who].elastic == 1 and p[who].friction_side == Side.MOTOR:
-            wm[who] = 0.0
+        if _rubs_on_motor(p[who]):
+            s[who].motor_speed = 0.0
         else:
-            w[who] = 0.0
+            s[who].speed = 0.0
 
 
 @njit(cache=True)
 def _drift(p, s, dt):
-    """Angles, bristles, hysteresis, heat and base along their exact flows at constant speeds and currents."""
+    """Angles, bristles, hysteresis, heat and base along their flows at constant speeds and currents."""
     for j in range(len(p)):
-        s.angle[j] += dt * s.speed[j]
+        s[j].angle += dt * s[j].speed
         if p[j].elastic == 1:
-            s.motor_angle[j] += dt * s.motor_speed[j]
+            s[j].motor_angle += dt * s[j].motor_speed
         else:
-            s.motor_angle[j] = s.angle[j]
-        on_motor = p[j].elastic == 1 and p[j].friction_side == Side.MOTOR
-        v = s.motor_speed[j] if on_motor else s.speed[j]
-        _bristle_flow(p[j], s.bristle[j], v, dt)
+            s[j].motor_angle = s[j].angle
+        v = s[j].motor_speed if _rubs_on_motor(p[j]) else s[j].speed
+        _bristle_flow(p[j], s[j].bristle, v, dt)
         if p[j].hysteresis != 0.0 and v != 0.0:
-            # Bouc-Wen with exponent 2, beta = 0.7, gamma = 0.3: the midpoint rule on a slow state
-            z = s.hysteresis[j]
-            for stage in range(2):
-                pull = 0.7 * math.copysign(z * z, v * z) * v + 0.3 * v * z * z
-                middle = s.hysteresis[j] + (0.5 if stage == 0 else 1.0) * dt * (v - pull) / p[j].hysteresis_yield
-                z = middle
-            s.hysteresis[j] = z
+            s[j].hysteresis = _bouc_wen(p[j], s[j].hysteresis, v, dt)
         if p[j].viscous_cold != 0.0:
-            s.warm[j] += dt * p[j].viscous * v * v
+            s[j].warm += dt * p[j].viscous * v * v
         if p[j].heating > 0.0:
-            power = p[j].heating * s.current[j] ** 2
-            if p[j].heating_law == Heat.LOSS:
-                s.heat[j] = power + (s.heat[j] - power) * math.exp(-dt / p[j].heating_time)
-            else:
-                rate = (1.0 - power) / p[j].heating_time
-                s.heat[j] += (power - (1.0 - power) * s.heat[j]) / p[j].heating_time * dt * (1.0 - 0.5 * rate * dt)
-    if p[0].base_inertia > 0.0:
-        s.base[0] += dt * s.base[1]
+            # heat' = (power (1 + copper heat) - heat) / heating_time, exact at constant power
+            power = p[j].heating * s[j].current * s[j].current
+            keep = 1.0 - power if p[j].heating_law == Heat.COPPER else 1.0
+            final = power / max(keep, 1e-3)
+            s[j].heat = final + (s[j].heat - final) * math.exp(-keep * dt / p[j].heating_time)
+    s[0].base_angle += dt * s[0].base_speed
 
 
 @njit(cache=True)
-def _sense(p, s, j, noise):
-    """Encoder reading of joint j."""
-    q = s.motor_angle[j] if p.encoder_side == Side.MOTOR else s.angle[j]
+def _bouc_wen(p, z, v, dt):
+    """Midpoint rule for reach z' = v - 0.7 |v| |z| z - 0.3 v z^2."""
+    for_half = z + 0.5 * dt * (v - 0.7 * abs(v) * abs(z) * z - 0.3 * v * z * z) / p.hysteresis_yield
+    return z + dt * (v - 0.7 * abs(v) * abs(for_half) * for_half - 0.3 * v * for_half * for_half) / p.hysteresis_yield
+
+
+@njit(cache=True)
+def _sense(p, s, noise):
+    """Encoder reading."""
+    q = s.motor_angle if p.encoder_side == Side.MOTOR else s.angle
     y = q + noise
     if p.eccentricity != 0.0:
         y += p.eccentricity * math.sin(q + p.eccentricity_phase)
@@ -609,63 +650,81 @@ def _sense(p, s, j, noise):
     return y
 
 
-class State(NamedTuple):
-    """Moving state and, from `drive` on, scratch (joints,); bristle (joints, 4), base (angle, rate, acceleration)."""
-
-    angle: Array
-    speed: Array
-    motor_angle: Array
-    motor_speed: Array
-    current: Array
-    bristle: Array
-    hysteresis: Array
-    heat: Array
-    warm: Array
-    lag: Array
-    base: Array
-    inertia: Array
-    drive: Array
-    transmitted: Array
-    rhs: Array
-    a: Array
-    am: Array
-    hold: Array
-    w_mid: Array
-    wm_mid: Array
+@njit(cache=True)
+def _sensed_speed(p, s):
+    return s.motor_speed if p.encoder_side == Side.MOTOR and p.elastic == 1 else s.speed
 
 
-def _at_rest(angle: Array) -> State:
-    n = len(angle)
-    zero = [np.zeros(n) for _ in State._fields]
-    state = State(*zero)
-    return state._replace(angle=angle.copy(), motor_angle=angle.copy(), bristle=np.zeros((n, 4)), base=np.zeros(3))
+def _at_rest(angle: Array) -> NDArray[np.void]:
+    state = np.zeros(len(angle), dtype=STATE)
+    state["angle"] = state["motor_angle"] = angle
+    return state
 
 
 @njit(cache=True)
-def _run(p, pair, s, loop, feed, reference, rate, step, limit, ramp, arrival_delay, amp_noise, stray, sensor_noise,
-         sample_time, substeps, fine, out):  # fmt: skip
+def _half_winding(p, s, e, dt):
+    """Lag, then winding; the winding sees the lag's mean over dt."""
+    mean = e
+    if p.lag > 0.0:
+        x = dt / p.lag
+        gone = -math.expm1(-x)
+        mean = e + (s.lag - e) * gone / x
+        s.lag += (e - s.lag) * gone
+    w = s.motor_speed if p.elastic == 1 else s.speed
+    s.current = _winding(p, s.current, mean, s.motor_angle, w, s.heat, dt)
+
+
+@njit(cache=True)
+def _pick_up(p, s, t):
+    """Adds the payload when its time has come; returns whether it did."""
+    if t < p.payload_time:
+        return False
+    if p.payload_law == Grasp.AT_REST:
+        s.speed *= s.inertia / (s.inertia + p.payload)
+    s.inertia += p.payload
+    return True
+
+
+@njit(cache=True)
+def _arriving(p, applied, delay, arrived, k, t, h, sample_time):
+    """Mean of the held command over a step from t, and the index of the last sample that has arrived."""
+    level, start = 0.0, t
+    now = applied[arrived] if arrived >= 0 else p.offset
+    while arrived < k:
+        when = (arrived + 1) * sample_time + delay[arrived + 1] + p.delay
+        if when >= t + h * (1.0 - 1e-9):
+            break
+        if when > start:
+            level += (when - start) * now
+            start = when
+        arrived += 1
+        now = applied[arrived]
+    return (level + (t + h - start) * now) / h, arrived
+
+
+@njit(cache=True)
+def _run(p, pair, s, loop, feed, reference, rate, step, limit, ramp, delay, amp_noise, stray, sensor_noise,
+         seen, leak, sample_time, substeps, fine, out):  # fmt: skip
     n, samples = len(p), len(feed)
     h = sample_time / substeps
-    applied = np.zeros((samples, n))
+    applied = np.zeros((n, samples))
     arrived = np.full(n, -1)
     mode = np.full(n, _NO_DRY_FRICTION)
-    load = np.zeros(n)
-    e = np.zeros(n)
-    last = np.zeros(n)
-    slope = np.zeros(n)
-    carried = np.zeros(n)
+    carries = np.zeros(n, dtype=np.bool_)
+    e, last, slope, pull = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     for j in range(n):
         if p[j].coulomb + p[j].static_excess + p[j].load_friction + abs(p[j].asymmetry_torque) > 0.0:
             mode[j] = 0
-        s.inertia[j] = p[j].link_inertia + (p[j].motor_inertia if p[j].elastic == 0 else 0.0)
+        s[j].inertia = p[j].link_inertia + (p[j].motor_inertia if p[j].elastic == 0 else 0.0)
     for k in range(samples):
-        t0 = k * sample_time
+        after = min(k + 1, samples - 1)
         for j in range(n):
-            y = _sense(p[j], s, j, sensor_noise[k, j])
+            y = _sense(p[j], s[j], sensor_noise[k, j])
             out.measured[k, j] = y
-            out.position[k, j] = s.motor_angle[j] if p[j].encoder_side == Side.MOTOR else s.angle[j]
-            out.velocity[k, j] = s.motor_speed[j] if p[j].elastic == 1 else s.speed[j]
-            out.resistance_rise[k, j] = s.heat[j]
+            pull[j] = leak * (seen[k, j] - y)
+            out.position[k, j] = s[j].motor_angle if p[j].encoder_side == Side.MOTOR else s[j].angle
+            out.velocity[k, j] = _sensed_speed(p[j], s[j])
+            out.resistance_rise[k, j] = s[j].heat
             u = feed[k, j]
             if loop.closed:
                 if k > 0:
@@ -677,68 +736,39 @@ def _run(p, pair, s, loop, feed, reference, rate, step, limit, ramp, arrival_del
             if step[j] > 0.0:
                 u = step[j] * np.floor(u / step[j] + 0.5)
             out.command[k, j] = u
-            applied[k, j] = _amplifier(p[j], u)
+            applied[j, k] = _amplifier(p[j], u)
         for sub in range(substeps):
-            t = t0 + sub * h
+            t = k * sample_time + sub * h
             place = (sub + 0.5) / substeps
-            after = min(k + 1, samples - 1)
             for j in range(n):
+                if p[j].payload > 0.0 and not carries[j]:
+                    carries[j] = _pick_up(p[j], s[j], t + 1e-9)
+                s[j].angle += pull[j] * h
+                s[j].motor_angle += pull[j] * h
                 if ramp:
-                    at = max(0.0, (t + 0.5 * h - arrival_delay[k, j] - p[j].delay) / sample_time)
+                    at = max(0.0, (t + 0.5 * h - delay[j, k] - p[j].delay) / sample_time)
                     low = min(int(at), samples - 2)
-                    level = _amplifier(p[j], feed[low, j] + (at - low) * (feed[low + 1, j] - feed[low, j]))
+                    e[j] = _amplifier(p[j], feed[low, j] + (at - low) * (feed[low + 1, j] - feed[low, j]))
                 else:
-                    level, start = 0.0, t
-                    while arrived[j] < k:
-                        following = arrived[j] + 1
-                        when = following * sample_time + arrival_delay[following, j] + p[j].delay
-                        if when >= t + h * (1.0 - 1e-9):
-                            break
-                        if when > start:
-                            level += (when - start) * (applied[arrived[j], j] if arrived[j] >= 0 else p[j].offset)
-                            start = when
-                        arrived[j] = following
-                    level = (level + (t + h - start) * (applied[arrived[j], j] if arrived[j] >= 0 else p[j].offset)) / h
-                level += amp_noise[k, j] + place * (amp_noise[after, j] - amp_noise[k, j])
-                e[j] = level
-                load[j] = stray[k, j] + place * (stray[after, j] - stray[k, j])
-            for j in range(n):
-                s.current[j] = _half_winding(p[j], s, j, e[j], 0.5 * h)
+                    e[j], arrived[j] = _arriving(p[j], applied[j], delay[j], arrived[j], k, t, h, sample_time)
+                e[j] += amp_noise[k, j] + place * (amp_noise[after, j] - amp_noise[k, j])
+                _half_winding(p[j], s[j], e[j], 0.5 * h)
             _drift(p, s, 0.5 * h)
             for j in range(n):
-                load[j] += _load(p[j], s.angle[j], s.hysteresis[j], t, h)
-                if p[j].payload > 0.0 and t + 0.5 * h >= p[j].payload_time and carried[j] == 0.0:
-                    carried[j] = p[j].payload
-                    if p[j].payload_law == Grasp.AT_REST:
-                        s.speed[j] *= s.inertia[j] / (s.inertia[j] + carried[j])
-                    s.inertia[j] += carried[j]
-            _kick(p, pair, mode, s, load, t, h)
+                s[j].load = stray[k, j] + place * (stray[after, j] - stray[k, j])
+                s[j].load += _load(p[j], s[j].angle, s[j].hysteresis, t, h)
+            _kick(p, pair, mode, s, h)
             if sub == substeps // 2:
                 for j in range(n):
-                    out.current[k, j] = s.current[j]
-                    out.motor_torque[k, j] = s.drive[j]
+                    out.current[k, j] = s[j].current
+                    out.motor_torque[k, j] = s[j].drive
             _drift(p, s, 0.5 * h)
             for j in range(n):
-                s.current[j] = _half_winding(p[j], s, j, e[j], 0.5 * h)
+                _half_winding(p[j], s[j], e[j], 0.5 * h)
                 if fine:
-                    motor = p[j].encoder_side == Side.MOTOR
-                    out.fine_position[k * substeps + sub + 1, j] = s.motor_angle[j] if motor else s.angle[j]
-                    out.fine_velocity[k * substeps + sub + 1, j] = (
-                        s.motor_speed[j] if motor and p[j].elastic == 1 else s.speed[j]
-                    )
-
-
-@njit(cache=True)
-def _half_winding(p, s, j, e, dt):
-    """Lag, then winding; the winding sees the lag's mean over dt."""
-    mean = e
-    if p.lag > 0.0:
-        x = dt / p.lag
-        gone = -math.expm1(-x)
-        mean = e + (s.lag[j] - e) * gone / x
-        s.lag[j] += (e - s.lag[j]) * gone
-    w = s.motor_speed[j] if p.elastic == 1 else s.speed[j]
-    return _winding(p, s.current[j], mean, s.motor_angle[j], w, s.heat[j], dt)
+                    row = k * substeps + sub + 1
+                    out.fine_position[row, j] = s[j].motor_angle if p[j].encoder_side == Side.MOTOR else s[j].angle
+                    out.fine_velocity[row, j] = _sensed_speed(p[j], s[j])
 
 
 OPEN = Loop(False, np.zeros(2), np.zeros(2), np.zeros(2))
@@ -759,6 +789,8 @@ def simulate(
     stray_torque: Array | None = None,
     sensor_noise: Array | None = None,
     arrival_delay: Array | None = None,
+    seen: Array | None = None,
+    leak: float = 0.0,
     ramp: bool = False,
     fine: bool = False,
     step_limit: float = 5e-5,
@@ -768,6 +800,7 @@ def simulate(
     feed (T, n): open-loop command, or feed-forward of a closed loop [command units]; reference (T, n) [rad, m].
     coupling_inertia: p3 of a planar pair, M11 = I1 + I2 + 2 p3 cos q2, M12 = I2 + p3 cos q2, M22 = I2 with the joints'
     link inertias I1, I2 (motor inertias on top of the diagonal); zero leaves two joints uncoupled.
+    seen (T, n) [rad, m], leak [1/s]: the angles are pulled towards these measurements, q' = w + leak (seen - y).
     ramp: the command is linear between samples instead of held. fine: also return angle and speed at every step.
     step_limit: longest step of integration [s]; the steps divide the sample time. amplifier_noise [command units],
     stray_torque [N m] and sensor_noise [rad, m] are (T, n), linear between samples; arrival_delay (T, n) [s] >= 0
@@ -790,10 +823,11 @@ def simulate(
     length = samples * substeps + 1 if fine else 1
     motion = Motion(*(np.zeros((samples, n)) for _ in range(7)), np.zeros((length, n)), np.zeros((length, n)))
     state = _at_rest(vector(start, 0.0))
-    motion.fine_position[0] = state.angle
+    motion.fine_position[0] = state["angle"]
     _run(
         pack(joints), coupling_inertia, state, loop, feed, target, np.gradient(target, sample_time, axis=0),
-        vector(command_step, 0.0), vector(command_limit, math.inf), ramp, table(arrival_delay), table(amplifier_noise),
-        table(stray_torque), table(sensor_noise), sample_time, substeps, fine, motion,
+        vector(command_step, 0.0), vector(command_limit, math.inf), ramp,
+        np.ascontiguousarray(table(arrival_delay).T), table(amplifier_noise),
+        table(stray_torque), table(sensor_noise), table(seen), leak, sample_time, substeps, fine, motion,
     )  # fmt: skip
     return motion

@@ -204,13 +204,12 @@ def test_ros_bag(storage: str, tmp_path: Path) -> None:
 
 
 def test_column_map_with_units(tmp_path: Path) -> None:
-    """Counts, rpm, milliamperes, a shifted zero and an unsigned register times a measured supply."""
+    """Counts, milliamperes, a shifted zero and an unsigned register times a measured supply."""
     t = 2e-3 * np.arange(100)
-    register = np.round(300.0 * np.sin(15.0 * t))
+    register = np.round(300.0 * np.sin(25.0 * t))
     raw = {
         "ms": 1e3 * t + 5.0,
         "enc": np.round(400.0 * np.sin(15.0 * t)) + 2048.0,
-        "rpm": np.cos(15.0 * t),
         "pwm": np.where(register < 0, register + 65536.0, register),
         "supply": np.full(100, 7400.0),
         "elbow": np.sin(9.0 * t),

@@ -1,0 +1,5 @@
+"""The robot and its measured world."""
+
+from envs.registration import register
+
+register()

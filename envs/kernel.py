@@ -75,17 +75,22 @@ def simulate(
     initial = [np.atleast_2d(np.zeros(4) if item is None else item) for item in (position, velocity, current)]
     initial[1] = initial[1] * ~np.isin(np.arange(1, 5), held)
     batch = max(len(table), len(commands), *(len(item) for item in initial))
-    out = np.empty((batch, commands.shape[1] + 1, 12))
-    out[:, 0] = np.concatenate([np.broadcast_to(item, (batch, 4)) for item in initial], axis=1)
-    before = numba.get_num_threads()
-    numba.set_num_threads(before if threads is None else threads)
-    try:
-        _run(table, commands, sample_time / substeps, substeps, out)
-    finally:
-        numba.set_num_threads(before)
-    return Trajectories(sample_time * np.arange(out.shape[1]), out[..., 0:4], out[..., 4:8], out[..., 8:12])
+    states = np.empty((batch, commands.shape[1] + 1, STATES))
+    states[:, 0] = np.concatenate([np.broadcast_to(item, (batch, 4)) for item in initial], axis=1)
+    available = numba.get_num_threads()
+    threads = min(batch, threads or available)
+    if threads == 1:
+        advance(table, commands, sample_time / substeps, substeps, states)
+    else:
+        numba.set_num_threads(threads)
+        _advance_in_threads(table, commands, sample_time / substeps, substeps, states)
+        numba.set_num_threads(available)
+    time = sample_time * np.arange(states.shape[1])
+    return Trajectories(time, states[..., 0:4], states[..., 4:8], states[..., 8:12])
 
 
+STATES = 12
+"""Length of a state: q (4), q' (4), i (4)."""
 _ARM, _DRIVES, _DRIVE_ENTRIES = 8, 4, 14
 PARAMETERS = _ARM + _DRIVES * _DRIVE_ENTRIES
 """Length of a packed robot."""
@@ -284,18 +289,25 @@ def _run_member(row, command, step, substeps, record):  # type: ignore[no-untype
             state[joint], state[4 + joint], state[8 + joint] = position[joint], speed[joint], current[joint]
 
 
-def _compile(formulas: str) -> Callable[[Array, Array, float, int, Array], None]:
-    """The loop over the batch. `formulas` identifies the source of what is compiled from another file: numba keys its
-    cache by this file and by the closure, so that naming it there keeps a stale compilation from being used."""
+def _compile(formulas: str, parallel: bool) -> Callable[[Array, Array, float, int, Array], None]:
+    """The loop over the batch. numba keys its cache by this file and by the closure, neither of which knows the source
+    of what is compiled from another file, nor the options: naming them inside keeps a stale compilation away."""
 
-    @numba.njit(parallel=True, cache=True, **_OPTIONS)
-    def run(table, commands, step, substeps, out):  # type: ignore[no-untyped-def]
-        len(formulas)
-        for member in numba.prange(len(out)):
+    @numba.njit(parallel=parallel, cache=True, **_OPTIONS)
+    def run(table, commands, step, substeps, states):  # type: ignore[no-untyped-def]
+        (formulas, parallel)  # noqa: B018
+        for member in numba.prange(len(states)):
             row, command = table[member % len(table)], commands[member % len(commands)]
-            _run_member(row, command, step, substeps, out[member])
+            _run_member(row, command, step, substeps, states[member])
 
     return run
 
 
-_run = _compile(hashlib.sha256(inspect.getsource(scara).encode()).hexdigest())
+_FORMULAS = hashlib.sha256(inspect.getsource(scara).encode()).hexdigest()
+_advance_in_threads = _compile(_FORMULAS, True)
+advance = _compile(_FORMULAS, False)
+"""Fills `states`, shape (B, T + 1, STATES), from states[:, 0] on, in steps of `step` [s], `substeps` per command.
+
+Arguments, all contiguous: table (1 or B, PARAMETERS) of packed robots, commands (1 or B, T, 4), step, substeps,
+states. What `simulate` does without its conveniences, for callers that advance a few steps at a time.
+"""

@@ -19,11 +19,11 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, Self, TypeVar, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from envs.log import Array, InputKind, JointFacts
 
@@ -150,12 +150,6 @@ class Drive:
         """Resolution of the command [its unit]: 2 limit / 2^bits; None when the command is not quantised."""
         return None if self.command_bits is None else 2.0 * self.command_limit.value / 2**self.command_bits
 
-    def quantise(self, command: Array) -> Array:
-        """The command [its unit], any shape, as the converter passes it on: clipped and rounded to its steps."""
-        limit, step = self.command_limit.value, self.command_step
-        clipped = np.clip(command, -limit, limit)
-        return clipped if step is None else np.clip(step * np.round(clipped / step), -limit, limit - step)
-
     def sample(self, rng: np.random.Generator) -> Drive:
         """A draw within the stated uncertainties."""
         return sample_fields(self, rng)
@@ -189,12 +183,6 @@ class Joint:
     def torque_unit(self) -> Literal["N m", "N"]:
         """Unit of the generalised force."""
         return "N m" if self.kind == "revolute" else "N"
-
-    def measure(self, position: Array) -> Array:
-        """The coordinate [rad or m], any shape, as the encoder gives it: rounded to its steps."""
-        if self.encoder_step is None:
-            return np.asarray(position)
-        return self.encoder_step.value * np.round(np.asarray(position) / self.encoder_step.value)
 
     def sample(self, rng: np.random.Generator) -> Joint:
         """A draw within the stated uncertainties; limits and sensor facts are known and stay."""
@@ -283,6 +271,15 @@ class Robot:
             command_limit=limit if math.isfinite(limit) else None,
         )
 
+    def quantise(self, command: Array) -> Array:
+        """Commands, shape (..., n) [command units], as the converters pass them on: clipped and rounded to steps."""
+        limit, step = self._command_limits, self._command_steps
+        return np.clip(_round_to(step, np.clip(command, -limit, limit)), -limit, limit - step)
+
+    def measure(self, position: Array) -> Array:
+        """Coordinates, shape (..., n) [rad or m], as the encoders give them: rounded to steps."""
+        return _round_to(self._encoder_steps, np.asarray(position, dtype=np.float64))
+
     def inertia_matrix(self, position: Array) -> Array:
         """M(q) of arm and rotors, shape (..., n, n): the body's plus A^T diag(reflected inertia) A."""
         turns = self.coupling_matrix
@@ -303,8 +300,25 @@ class Robot:
         """A member of the parameter ensemble: every number drawn within its uncertainty."""
         return replace(self, body=self.body.sample(rng), joints=tuple(joint.sample(rng) for joint in self.joints))
 
-    def _viscous(self, velocity: Array) -> NDArray[np.float64]:
+    @cached_property
+    def _command_limits(self) -> Array:
+        return self.drive_values("command_limit")
+
+    @cached_property
+    def _command_steps(self) -> Array:
+        return np.array([drive.command_step or 0.0 for drive in self.drives])
+
+    @cached_property
+    def _encoder_steps(self) -> Array:
+        return np.array([0.0 if joint.encoder_step is None else joint.encoder_step.value for joint in self.joints])
+
+    def _viscous(self, velocity: Array) -> Array:
         return self.drive_values("viscous") * np.asarray(velocity)
+
+
+def _round_to(step: Array, value: Array) -> Array:
+    """Rounds to multiples of `step`; a step of 0 leaves the value."""
+    return np.where(step > 0.0, step * np.round(value / np.where(step > 0.0, step, 1.0)), value)
 
 
 def load_robot(path: str | Path) -> Robot:

@@ -2,7 +2,8 @@
 
 An excitation is a value. `sample` turns it into numbers for given instants; what is random in it comes from the
 generator handed in. Amplitudes are in the unit of what is excited: command units (V, A, N m) in open loop, rad or m
-as the reference of a servo. A number may be given once for all joints or as a tuple, one entry per joint.
+as the reference of a servo. Values count from the pose in which the experiment starts and from the command that holds
+the robot there. A number may be given once for all joints or as a tuple, one entry per joint.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 import scipy.fft
@@ -71,12 +72,16 @@ class Excitation(ABC):
         if "band" in {item.name for item in fields(self)} and not 0.0 < self.band[0] < self.band[1]:  # type: ignore[attr-defined]
             raise ExcitationError(f"band is {self.band}. Give 0 < low < high [Hz]")  # type: ignore[attr-defined]
 
-    _positive = ()
+    _positive: ClassVar[tuple[str, ...]] = ()
     """Names of the fields that have to be positive."""
 
     @abstractmethod
     def sample(self, time: Array, rng: np.random.Generator) -> Array:
         """Values at the instants `time` (T,) [s], shape (T, n), one column per entry of `joints`."""
+
+    def fitted(self, robot: Robot, pose: Array) -> Excitation:
+        """The excitation as it is on a robot that starts at `pose` (n,), for excitations that have to know."""
+        return self
 
     def per_joint(self, name: str) -> Array:
         """A field as one number per joint, shape (n,). Raises ExcitationError when the count does not fit."""
@@ -121,7 +126,7 @@ class Sine(ScaledExcitation):
 
     frequency: PerJoint = 0.5
     phase: PerJoint = 0.0
-    _positive = ("frequency",)
+    _positive: ClassVar[tuple[str, ...]] = ("frequency",)
 
     def shape(self, time: Array, rng: np.random.Generator) -> Array:
         """The sine, shape (T, n)."""
@@ -143,7 +148,7 @@ class Multisine(ScaledExcitation):
     band: tuple[float, float] = (0.1, 8.0)
     period: float = 10.0
     crest_factor: float | None = None
-    _positive = ("period",)
+    _positive: ClassVar[tuple[str, ...]] = ("period",)
 
     def harmonics(self) -> list[np.ndarray]:
         """Harmonic numbers per joint. Raises ExcitationError when a joint would get none."""
@@ -218,7 +223,8 @@ class FourierSeries(Excitation):
     friction, windings; `Robot` holds the equations) respects every limit. Joints that are not excited stand still at
     `pose`.
 
-    output: ``command`` gives the nominal command of this motion, ``position`` the motion itself (for a servo).
+    output: ``command`` gives the nominal command of this motion beyond the one that holds the pose, ``position`` the
+        displacement (for a servo).
     position, velocity, command: limits as distance from the centre, speed and command magnitude per joint.
     Source: J. Swevers et al., "Optimal robot excitation and identification", IEEE Trans. Robot. Autom. 13 (1997).
     """
@@ -232,12 +238,11 @@ class FourierSeries(Excitation):
     pose: tuple[float, ...] = ()
     fade: float = 1.0
     output: Literal["command", "position"] = "command"
-    _positive = ("harmonics", "period", "position", "velocity", "command", "fade")
+    _positive: ClassVar[tuple[str, ...]] = ("harmonics", "period", "position", "velocity", "command", "fade")
 
     def sample(self, time: Array, rng: np.random.Generator) -> Array:
         """Command or position at the instants `time` (T,) [s], shape (T, n). Raises ExcitationError without a robot."""
         robot = self._robot()
-        columns = [joint - 1 for joint in self.joints]
         derivatives = self._series(time, rng)
         scale = min(
             float(np.min(self.per_joint("position") / _largest(derivatives[0]))),
@@ -251,8 +256,13 @@ class FourierSeries(Excitation):
         if not respects(scale):
             scale = _largest_true(respects, scale)
         if self.output == "position":
-            return pose[columns] + scale * derivatives[0]
-        return self._command(robot, pose, time, derivatives, scale)
+            return scale * derivatives[0]
+        held = self._command(robot, pose, time, derivatives, 0.0)
+        return self._command(robot, pose, time, derivatives, scale) - held
+
+    def fitted(self, robot: Robot, pose: Array) -> FourierSeries:
+        """With this robot and pose where none is given yet."""
+        return replace(self, robot=self.robot or robot, pose=self.pose or tuple(float(angle) for angle in pose))
 
     def _robot(self) -> Robot:
         if self.robot is None:
@@ -280,11 +290,11 @@ class FourierSeries(Excitation):
             factor = (rate * orders[:, None]) ** order
             periodic.append(np.sin(angles + turn) @ (factor * sines) + np.cos(angles + turn) @ (factor * cosines))
         window = _smooth_step(elapsed / self.fade, 1.0 / self.fade)
-        leibniz = ((1.0,), (1.0, 1.0), (1.0, 2.0, 1.0), (1.0, 3.0, 3.0, 1.0))
-        return [
-            sum(weight * window[k][:, None] * periodic[order - k] for k, weight in enumerate(leibniz[order]))  # type: ignore[misc]
-            for order in range(4)
-        ]
+        faded = [np.zeros_like(periodic[0]) for _ in range(4)]
+        for order in range(4):
+            for k in range(order + 1):
+                faded[order] += math.comb(order, k) * window[k][:, None] * periodic[order - k]
+        return faded
 
     def _command(self, robot: Robot, pose: Array, time: Array, derivatives: list[Array], scale: float) -> Array:
         """Nominal command of the scaled motion, shape (T, n): the robot's equations solved for the input."""
@@ -324,9 +334,13 @@ def _largest_true(condition: Any, upper: float) -> float:
 
 def _smooth_step(x: Array, rate: float) -> list[Array]:
     """Polynomial step from 0 to 1 on [0, 1] with three continuous derivatives, and those derivatives over time."""
-    step = np.polynomial.Polynomial([0, 0, 0, 0, 35, -84, 70, -20])
+    step: Array = np.array([0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0])
     inside = np.clip(x, 0.0, 1.0)
-    return [step.deriv(order)(inside) * rate**order if order else step(inside) for order in range(4)]
+    values = []
+    for order in range(4):
+        derivative = np.polynomial.polynomial.polyder(step, order)
+        values.append(np.asarray(np.polynomial.polynomial.polyval(inside, derivative) * rate**order))
+    return values
 
 
 @register("chirp")
@@ -360,7 +374,7 @@ class PRBS(ScaledExcitation):
 
     order: int = 10
     bit_time: float = 0.05
-    _positive = ("bit_time",)
+    _positive: ClassVar[tuple[str, ...]] = ("bit_time",)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -383,7 +397,7 @@ class TriangularSweep(ScaledExcitation):
     """A slow triangular wave from 0 up to 1, down to -1 and back, of the given period [s]: friction and dead zones."""
 
     period: float = 20.0
-    _positive = ("period",)
+    _positive: ClassVar[tuple[str, ...]] = ("period",)
 
     def shape(self, time: Array, rng: np.random.Generator) -> Array:
         """The triangle, the same on every joint, shape (T, n)."""
@@ -401,7 +415,7 @@ class Steps(ScaledExcitation):
 
     dwell: float = 1.0
     levels: tuple[float, ...] = ()
-    _positive = ("dwell",)
+    _positive: ClassVar[tuple[str, ...]] = ("dwell",)
 
     def shape(self, time: Array, rng: np.random.Generator) -> Array:
         """The steps, shape (T, n)."""

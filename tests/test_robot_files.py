@@ -68,7 +68,6 @@ def test_body_and_drives(file: str, body: str, amplifier: str, per_torque: float
 def test_impossible_bodies(old: str, new: str, tmp_path: Path) -> None:
     path = describe(tmp_path, body=URDF.replace(old, new))
     with pytest.raises(RobotError) as caught:
-        robot = find_robot(path)
-        robot.inertia_matrix(np.zeros(1))
+        find_robot(path).inertia_matrix(np.zeros(1))
     assert "\n" not in str(caught.value)
     assert "arm." in str(caught.value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -40,7 +40,7 @@ class AdeptOneEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     `reset(options=...)` takes "position" and "target" of the moving joints, shape (k,). `info` holds "success".
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012  gymnasium's form
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class AdeptOneEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         reward = -float(np.mean(self._error())) + SUCCESS_BONUS * success
         return self._observe(before), reward, False, self._elapsed >= self._steps, {"success": success}
 
-    def render(self) -> Image | None:  # type: ignore[override]
+    def render(self) -> Image | None:
         """The robot in the pose last measured, shape (height, width, 3). Raises RenderingError without OpenGL."""
         if self.render_mode is None:
             return None

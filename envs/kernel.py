@@ -19,6 +19,7 @@ import inspect
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numba
 import numpy as np
@@ -89,6 +90,14 @@ def simulate(
     return Trajectories(time, states[..., 0:4], states[..., 4:8], states[..., 8:12])
 
 
+def state_rates(robot: Robot, position: Array, velocity: Array, current: Array, output: Array) -> tuple[Array, Array]:
+    """q'' [rad/s^2 or m/s^2] and i' [A/s], each of shape (4,), for one state and amplifier outputs, shape (4,) each."""
+    row = pack(robot)
+    state = (tuple(map(float, item)) for item in (velocity, current, output))
+    accelerations, slopes = _slopes(row, math.sin(position[1]), math.cos(position[1]), *state)
+    return np.array(accelerations), np.array(slopes)
+
+
 STATES = 12
 """Length of a state: q (4), q' (4), i (4)."""
 _ARM, _DRIVES, _DRIVE_ENTRIES = 8, 4, 14
@@ -145,7 +154,7 @@ def _electrical(drive: Drive) -> tuple[float, ...]:
     return constant, resistance, 1.0 / drive.inductance.value, 1.0, 0.0, 0.0, gain, limit, current
 
 
-_OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "arcp", "nsz"}}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "arcp", "nsz"}}
 """No check for division by zero, and reorderings of arithmetic that leave infinities and NaN meaningful."""
 
 _planar_inertia = numba.njit(**_OPTIONS)(scara.planar_inertia)
@@ -153,12 +162,12 @@ _planar_bias = numba.njit(**_OPTIONS)(scara.planar_bias)
 
 
 @numba.njit(**_OPTIONS)
-def _clip(value, limit):  # type: ignore[no-untyped-def]
+def _clip(value, limit):
     return min(max(value, -limit), limit)
 
 
 @numba.njit(**_OPTIONS)
-def _moved(state, step, slope):  # type: ignore[no-untyped-def]
+def _moved(state, step, slope):
     """state + step slope for tuples of four."""
     return (
         state[0] + step * slope[0],
@@ -169,14 +178,14 @@ def _moved(state, step, slope):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(**_OPTIONS)
-def _mean(first, second, third, fourth):  # type: ignore[no-untyped-def]
+def _mean(first, second, third, fourth):
     """RK4's mean slope (k1 + 2 k2 + 2 k3 + k4) / 6 for tuples of four."""
     total = _moved(_moved(first, 1.0, fourth), 2.0, _moved(second, 1.0, third))
     return total[0] / 6.0, total[1] / 6.0, total[2] / 6.0, total[3] / 6.0
 
 
 @numba.njit(**_OPTIONS)
-def _turned(sine, cosine, angle):  # type: ignore[no-untyped-def]
+def _turned(sine, cosine, angle):
     """Sine and cosine after a further turn: addition theorem, series to rounding for the small turn within a step."""
     if abs(angle) > 0.02:
         small_sine, small_cosine = math.sin(angle), math.cos(angle)
@@ -188,7 +197,7 @@ def _turned(sine, cosine, angle):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(**_OPTIONS)
-def _motor(row, joint, output, current, speed):  # type: ignore[no-untyped-def]
+def _motor(row, joint, output, current, speed):
     """Torque at the joint and rate of the current; `output` is the amplifier's, whatever it controls."""
     at = _ARM + _DRIVE_ENTRIES * joint + 3
     constant = row[at]
@@ -198,7 +207,7 @@ def _motor(row, joint, output, current, speed):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(**_OPTIONS)
-def _slopes(row, sine, cosine, speed, current, output):  # type: ignore[no-untyped-def]
+def _slopes(row, sine, cosine, speed, current, output):
     """q'' and i', two tuples of four; sine and cosine of joint 2's angle."""
     p1, p2, p3, yaw, based = row[0], row[1], row[2], row[3], row[5]
     at_1, at_2, at_3, at_4 = _ARM, _ARM + _DRIVE_ENTRIES, _ARM + 2 * _DRIVE_ENTRIES, _ARM + 3 * _DRIVE_ENTRIES
@@ -229,7 +238,7 @@ def _slopes(row, sine, cosine, speed, current, output):  # type: ignore[no-untyp
 
 
 @numba.njit(**_OPTIONS)
-def _step(row, position, speed, current, output, step):  # type: ignore[no-untyped-def]
+def _step(row, position, speed, current, output, step):
     """One step of RK4 for constant amplifier output."""
     half = 0.5 * step
     sine, cosine = math.sin(position[1]), math.cos(position[1])
@@ -251,7 +260,7 @@ def _step(row, position, speed, current, output, step):  # type: ignore[no-untyp
 
 
 @numba.njit(**_OPTIONS)
-def _stopped(row, joint, position, speed):  # type: ignore[no-untyped-def]
+def _stopped(row, joint, position, speed):
     """The joint's coordinate and speed after its stops."""
     at = _ARM + _DRIVE_ENTRIES * joint + 12
     if position < row[at]:
@@ -262,13 +271,13 @@ def _stopped(row, joint, position, speed):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(**_OPTIONS)
-def _output(row, joint, command):  # type: ignore[no-untyped-def]
+def _output(row, joint, command):
     at = _ARM + _DRIVE_ENTRIES * joint + 9
     return _clip(row[at] * command, row[at + 1])
 
 
 @numba.njit(**_OPTIONS)
-def _run_member(row, command, step, substeps, record):  # type: ignore[no-untyped-def]
+def _run_member(row, command, step, substeps, record):
     """One simulation from record[0] on; fills the rest of `record`, shape (T + 1, 12)."""
     start = record[0]
     position = (start[0], start[1], start[2], start[3])
@@ -294,7 +303,7 @@ def _compile(formulas: str, parallel: bool) -> Callable[[Array, Array, float, in
     of what is compiled from another file, nor the options: naming them inside keeps a stale compilation away."""
 
     @numba.njit(parallel=parallel, cache=True, **_OPTIONS)
-    def run(table, commands, step, substeps, states):  # type: ignore[no-untyped-def]
+    def run(table, commands, step, substeps, states):
         (formulas, parallel)  # noqa: B018
         for member in numba.prange(len(states)):
             row, command = table[member % len(table)], commands[member % len(commands)]

@@ -274,7 +274,8 @@ class Robot:
     def quantise(self, command: Array) -> Array:
         """Commands, shape (..., n) [command units], as the converters pass them on: clipped and rounded to steps."""
         limit, step = self._command_limits, self._command_steps
-        return np.clip(_round_to(step, np.clip(command, -limit, limit)), -limit, limit - step)
+        rounded = _round_to(step, np.clip(command, -limit, limit))
+        return np.clip(rounded, -limit, limit - step)
 
     def measure(self, position: Array) -> Array:
         """Coordinates, shape (..., n) [rad or m], as the encoders give them: rounded to steps."""
@@ -284,7 +285,7 @@ class Robot:
         """M(q) of arm and rotors, shape (..., n, n): the body's plus A^T diag(reflected inertia) A."""
         turns = self.coupling_matrix
         rotors = turns.T @ np.diag(self.drive_values("reflected_inertia")) @ turns
-        return self.body.inertia_matrix(np.asarray(position)) + rotors
+        return np.asarray(self.body.inertia_matrix(np.asarray(position)) + rotors)
 
     def inverse_dynamics(self, position: Array, velocity: Array, acceleration: Array) -> Array:
         """M(q) q'' + b(q, q') + F q', shape (..., n): the joint torques that the motors have to give in sum."""
@@ -294,7 +295,7 @@ class Robot:
     def forward_dynamics(self, position: Array, velocity: Array, torque: Array) -> Array:
         """q'' under joint torques, shape (..., n) [rad/s^2 or m/s^2]."""
         rest = np.asarray(torque) - self.body.bias(np.asarray(position), np.asarray(velocity)) - self._viscous(velocity)
-        return np.linalg.solve(self.inertia_matrix(position), rest[..., None])[..., 0]
+        return np.asarray(np.linalg.solve(self.inertia_matrix(position), rest[..., None])[..., 0])
 
     def sample(self, rng: np.random.Generator) -> Robot:
         """A member of the parameter ensemble: every number drawn within its uncertainty."""
@@ -349,9 +350,10 @@ def load_robot(path: str | Path) -> Robot:
 def parse_robot(content: Mapping[str, Any], folder: Path) -> Robot:
     """A robot from the content of its description; `folder` is where a body's file is looked up."""
     sources, shared = content.get("sources", {}), content.get("drive", {})
-    joints = tuple(
-        _parse_joint(table, number, shared, sources) for number, table in enumerate(_need(content, "joint"), start=1)
-    )
+    tables = _need(content, "joint")
+    if not isinstance(tables, list):
+        raise RobotError("joint is no list of tables", remedy="Head each joint by [[joint]]")
+    joints = tuple(_parse_joint(table, number, shared, sources) for number, table in enumerate(tables, start=1))
     coupling = content.get("coupling")
     return Robot(
         name=_need(content, "name"),
@@ -375,24 +377,29 @@ def parse_record(kind: type[T], table: Mapping[str, Any], sources: Mapping[str, 
         raise RobotError(f"{where} is incomplete ({error})", remedy="Add the entry") from None
 
 
-_COUNTS = ("command_bits",)
-"""Entries that are plain integers, not quantities."""
+_PLAIN: dict[str, type] = {
+    "command_bits": int,
+    "name": str,
+    "kind": str,
+    "amplifier": str,
+    "command": str,
+    "drive": Drive,
+}
+"""Entries that are no quantities, and their types."""
 
 
 def _parse_value(value: Any, sources: Mapping[str, str], where: str, name: str) -> Any:
-    if isinstance(value, Mapping):
-        if "value" not in value or set(value) - {"value", "unit", "source", "uncertainty"}:
-            raise RobotError(f"{where} is {dict(value)}", remedy="Give value, unit, source and uncertainty")
-        source = value.get("source", "not stated")
-        return Quantity(
-            value=float(value["value"]),
-            unit=value.get("unit", ""),
-            source=sources.get(source, source),
-            uncertainty=float(value.get("uncertainty", 0.0)),
-        )
-    if isinstance(value, int | float) and name not in _COUNTS:
-        return Quantity(float(value), "", "not stated")
-    return value
+    if name in _PLAIN:
+        if not isinstance(value, _PLAIN[name]):
+            raise RobotError(f"{where} is {value!r}", remedy=f"Give a {_PLAIN[name].__name__}")
+        return value
+    table = value if isinstance(value, Mapping) else {"value": value}
+    number = table.get("value")
+    if set(table) - {"value", "unit", "source", "uncertainty"} or not isinstance(number, int | float):
+        raise RobotError(f"{where} is {value!r}", remedy="Give a number, or value, unit, source and uncertainty")
+    source = table.get("source", "not stated")
+    uncertainty = float(table.get("uncertainty", 0.0))
+    return Quantity(float(number), table.get("unit", ""), sources.get(source, source), uncertainty)
 
 
 def _parse_joint(table: Mapping[str, Any], number: int, shared: Mapping[str, Any], sources: Mapping[str, str]) -> Joint:

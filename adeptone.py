@@ -34,6 +34,37 @@ RigName = Annotated[str, typer.Argument(metavar="NAME", help="A data set; see: a
 
 
 @app.command()
+def record(
+    excitation: Annotated[
+        str, typer.Option("--excitation", metavar="E", help="Such as multisine:amplitude=2,band=0.1-8,joints=1+2")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="LOG", help="CSV, Parquet or NPZ; the truth goes beside it")],
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="adeptone, a rig's name or a TOML description")
+    ] = "adeptone",
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effect", metavar="NAME=VALUE", help="Hidden in the plant; NAME@2=VALUE for joint 2; repeatable"
+        ),
+    ] = None,
+    duration: Annotated[float, typer.Option("--duration", metavar="SECONDS", min=0.0)] = 30.0,
+    rate: Annotated[float, typer.Option("--rate", metavar="HZ", min=1.0)] = 1000.0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0)] = 0,
+) -> None:
+    """Make a synthetic experiment: a plant with hidden effects, and the log that its sensors give."""
+    from envs.log_files import check_writable
+    from envs.plant.plant import record as record_plant
+    from envs.robots import find_robot
+
+    check_writable(out)
+    recording = record_plant(
+        find_robot(robot), effect or [], excitation, duration=duration, rate=rate, seed=seed, name=out.stem
+    )
+    typer.echo(recording.save(out))
+
+
+@app.command()
 def diagnose(
     logs: LogFiles,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where report and model are written")],

@@ -269,14 +269,20 @@ def facts_of(joint: int, prefixes: set[str], entry: Mapping[str, Any], table: Ta
     return JointFacts(**stated)
 
 
+def check_writable(path: Path) -> str:
+    """The suffix of a file that is to be written. Raises LogError when logs have no such format."""
+    suffix = suffix_of(path)
+    if suffix not in WRITABLE:
+        raise LogError(f"cannot write {suffix or 'no suffix'}", remedy=f"Use {', '.join(WRITABLE)}", source=str(path))
+    return suffix
+
+
 def save(log: Log, path: str | Path) -> Path:
     """Writes a log and its sidecar, whole or not at all. Raises LogError for a suffix that cannot be written."""
     import tomli_w
 
     path = Path(path)
-    suffix = suffix_of(path)
-    if suffix not in WRITABLE:
-        raise LogError(f"cannot write {suffix or 'no suffix'}", remedy=f"Use {', '.join(WRITABLE)}", source=str(path))
+    suffix = check_writable(path)
     sidecar: dict[str, Any] = {key: value for key in ("robot", "loop") if (value := getattr(log, key)) is not None}
     sidecar["joints"] = {
         str(joint): {key: value for key, value in asdict(facts).items() if value is not None}

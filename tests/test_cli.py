@@ -100,6 +100,41 @@ def test_unknown_command_and_option(monkeypatch: pytest.MonkeyPatch) -> None:
     assert run("data", "inspect", "--fast", monkeypatch=monkeypatch) == 2
 
 
+def test_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    log, options = str(tmp_path / "synthetic.csv"), ["--excitation", "sine:amplitude=2,frequency=1", "--duration", "1"]
+    hidden = ["--effect", "coulomb_friction=7", "--effect", "cogging_torque=amplitude:2,cycles_per_rev:150"]
+    assert run("record", *options, *hidden, "--out", log, monkeypatch=monkeypatch) == 0
+    assert run("data", "inspect", log, monkeypatch=monkeypatch) == 0
+    assert "1000 Hz" in capsys.readouterr().out
+    assert "coulomb" not in (tmp_path / "synthetic.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "complaint"),
+    [
+        ("--effect", "colomb_friction=7", "coulomb_friction"),
+        ("--excitation", "sinus", "sine"),
+        ("--robot", "emsp", "did you mean emps"),
+        ("--out", "log.xlsx", "cannot write .xlsx"),
+    ],
+)
+def test_record_refuses_in_one_line(
+    option: str,
+    value: str,
+    complaint: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = {"--excitation": "sine:amplitude=2,frequency=1", "--out": "log.csv", "--duration": "0.1", option: value}
+    assert run("record", *(part for pair in options.items() for part in pair), monkeypatch=monkeypatch) == 2
+    error = capsys.readouterr().err
+    assert complaint in error
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_data_list_and_verify(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

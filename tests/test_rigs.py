@@ -21,7 +21,8 @@ from envs.robot import RobotError
 from envs.robots import find_robot, robot_names
 
 needs_data = pytest.mark.skipif(
-    data_sets.own_folder() is None, reason="no measured data here: set ADEPTONE_DATA to their folder"
+    not all(data_sets.available(name) for name in names()),
+    reason="no measured data here: run adeptone data fetch, or set ADEPTONE_DATA to their folder",
 )
 
 

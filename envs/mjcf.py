@@ -78,8 +78,7 @@ def lock_joint(spec: mujoco.MjSpec, name: str, position: float) -> None:
     if any(abs(np.dot(item.axis, joint.axis)) < 1.0 - 1e-12 or np.any(item.pos != joint.pos) for item in others):
         raise RobotError(f"joint {name} shares its body with other axes", remedy="Give each joint a body of its own")
     axis = np.array(joint.axis) / np.linalg.norm(joint.axis)
-    frame, turn = np.array(body.quat), np.array([1.0, 0.0, 0.0, 0.0])
-    shift = np.zeros(3)
+    frame, turn, shift = _orientation(spec, body), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
     if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
         mujoco.mju_axisAngle2Quat(turn, axis, position)
         mujoco.mju_rotVecQuat(shift, np.array(joint.pos), turn)
@@ -90,6 +89,7 @@ def lock_joint(spec: mujoco.MjSpec, name: str, position: float) -> None:
     mujoco.mju_rotVecQuat(moved, shift, frame)
     mujoco.mju_mulQuat(turned, frame, turn)
     body.pos, body.quat = np.array(body.pos) + moved, turned
+    body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     for actuator in [item for item in spec.actuators if item.name == name]:
         spec.delete(actuator)
     for tendon in [item for item in spec.tendons if item.name == _motor_tendon(name)]:
@@ -213,6 +213,14 @@ def _set_inertia(body: mujoco.MjsBody, mass: float, inertia: float, centre: floa
     # Links turn about the vertical alone, so one number acts; the same about all axes is a possible body.
     body.explicitinertial = True
     body.mass, body.ipos, body.inertia = mass, [centre, 0.0, 0.0], [inertia] * 3
+
+
+def _orientation(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> Array:
+    """The body's orientation in its parent as a quaternion, however the file writes it."""
+    if body.alt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT:
+        return np.array(body.quat)
+    options = spec.compiler
+    return np.array(spec.resolve_orientation(degree=options.degree, sequence=options.eulerseq, orientation=body.alt))
 
 
 def _find_joint(spec: mujoco.MjSpec, name: str) -> mujoco.MjsJoint:

@@ -39,8 +39,7 @@ class Simulation:
         tables, world = self._construction.tables, self._construction.world
         size, width = len(self.free), max(len(world.velocity), len(world.activation), len(self.free), 1)
         self._memory = Memory(np.zeros(size), np.zeros((size, 4)), np.zeros((12, width)), np.zeros(size))
-        servos = tables.servos
-        given = _convert(hold, servos["command_step"], servos["command_limit"])
+        given = self._quantise(hold)
         self._history = np.tile(given, (int(np.ceil(tables.drives["delay"].max())) + 1, 1))
         self._memory.lag[:] = given
         self._clock = 0
@@ -60,9 +59,8 @@ class Simulation:
         others their command, counted from `hold` [command units]; converted as the amplifier's input demands and held
         over the sample. late: (T,) [s], how much later than planned the samples are taken.
         """
-        servos = self._construction.tables.servos
         start = self.build.pose[[joint - 1 for joint in self.free]]
-        commands = _convert(self._hold + wanted, servos["command_step"], servos["command_limit"])
+        commands = self._quantise(self._hold + wanted)
         reference = np.ascontiguousarray(start + wanted)
         count, substeps, step = len(wanted), self._construction.substeps, self._construction.step
         past = len(self._history)
@@ -89,26 +87,31 @@ class Simulation:
         self._clock += count
         return buffer[past:], self._measure(traces)
 
+    def reading(self) -> Array:
+        """What the encoders show now, shape (n,) [rad or m]."""
+        return self._read(self._construction.world.position[self._construction.tables.joints["encoder"]])
+
+    def _quantise(self, commands: Array) -> Array:
+        columns = [joint - 1 for joint in self.free]
+        everything = np.zeros((*commands.shape[:-1], len(self.build.robot)))
+        everything[..., columns] = commands
+        return self.build.robot.quantise(everything)[..., columns]
+
     def _measure(self, traces: Traces) -> Measurement:
-        encoders, sensors, rng = self._construction.tables.servos, self._sensors, self._sensor_rng
-        angle = encoders["eccentricity_cycles"] * traces.position + encoders["eccentricity_phase"]
-        reading = traces.position + encoders["eccentricity"] * np.sin(angle)
-        velocity = traces.velocity
-        if sensors.position_noise > 0.0:
-            reading = reading + sensors.position_noise * rng.standard_normal(reading.shape)
-        if sensors.velocity_noise > 0.0:
-            velocity = velocity + sensors.velocity_noise * rng.standard_normal(velocity.shape)
+        velocity, noise = traces.velocity, self._sensors.velocity_noise
+        if noise > 0.0:
+            velocity = velocity + noise * self._sensor_rng.standard_normal(velocity.shape)
+        return Measurement(self._read(traces.position), velocity, traces.current, AMBIENT + traces.heat)
+
+    def _read(self, position: Array) -> Array:
+        encoders, noise = self._construction.tables.servos, self._sensors.position_noise
+        angle = encoders["eccentricity_cycles"] * position + encoders["eccentricity_phase"]
+        reading = position + encoders["eccentricity"] * np.sin(angle)
+        if noise > 0.0:
+            reading = reading + noise * self._sensor_rng.standard_normal(reading.shape)
         step = encoders["encoder_step"]
         whole = np.where(step > 0.0, step, 1.0)
-        reading = np.where(step > 0.0, whole * np.floor(reading / whole + 0.5), reading)
-        return Measurement(reading, velocity, traces.current, AMBIENT + traces.heat)
-
-
-def _convert(values: Array, step: Array, limit: Array) -> Array:
-    """The digital-to-analogue converters: nearest code, from -limit to limit - step; step 0 does not quantise."""
-    values = np.clip(values, -limit, limit - step)
-    whole = np.where(step > 0.0, step, 1.0)
-    return np.where(step > 0.0, whole * np.floor(values / whole + 0.5), values)
+        return np.where(step > 0.0, whole * np.floor(reading / whole + 0.5), reading)
 
 
 @cache

@@ -1,0 +1,166 @@
+"""Forward selection with backward pruning over the vocabulary, and the verdict that follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from diagnosis.estimation import Fitted, errors, fit
+from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.problem import Problem
+from diagnosis.remainder import Remainder, remainder
+from diagnosis.search import Scored, hypotheses_of, try_all
+from methods.effects.base import Effect
+
+Verdict = Literal["none", "named", "ambiguous", "unknown"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Decision rules. Evidence is -2 log likelihood gained less the price of parameters and searched shapes.
+
+    threshold: least evidence of an effect. material: least effect of its torque, as a share of the command's rms.
+    rival: evidence within which two explanations cannot be told apart. limit: largest number of effects.
+    """
+
+    threshold: float = 12.0
+    material: float = 2e-4
+    rival: float = 6.0
+    limit: int = 4
+    unexplained: float = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class Accepted:
+    """One effect of the final model with its competition at the moment of acceptance."""
+
+    scored: Scored
+    material: float
+    rivals: tuple[Scored, ...]
+
+    @property
+    def name(self) -> str:
+        return self.scored.name
+
+    @property
+    def joint(self) -> int:
+        return self.scored.start.hypothesis.joint
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """Outcome for one problem: the nominal fit, the accepted effects in order, the final fit, what is left."""
+
+    verdict: Verdict
+    nominal: Fitted
+    accepted: tuple[Accepted, ...]
+    final: Fitted
+    remainders: tuple[Remainder, ...]
+    steps: tuple[Fitted, ...]
+
+
+def materiality(problem: Problem, fitted: Fitted, name: str, joint: int) -> float:
+    """Torque of an effect as a share of the command's rms: its influence on the prediction beside that of 1 % of the command."""
+    off = fitted.point.switches.copy()
+    off[joint, problem.kernel.switches[name]] = False
+    without = replace(fitted.point, switches=off)
+    size = 0.01
+    extra = np.zeros((2, len(problem.time), problem.joints))
+    extra[1, :, joint] = size * problem.command[:, joint]
+    one = errors(problem, [without])[0] - fitted.error
+    both = errors(problem, [fitted.point, fitted.point], extra=extra)
+    reference = both[1] - both[0]
+    rms = lambda e: float(np.sqrt(np.mean(e[problem.used, joint] ** 2)))  # noqa: E731
+    return size * rms(one) / max(rms(reference), 1e-300)
+
+
+def find(
+    problem: Problem,
+    structures: tuple[JointStructure, ...],
+    effects: Sequence[Effect],
+    settings: Settings | None = None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Finding:
+    """Name what the nominal model misses."""
+    settings = settings or Settings()
+    nominal = fit_nominal(problem, structures)
+    base, accepted, steps = nominal, [], [nominal]
+    present: set[tuple[str, int]] = set()
+    while len(accepted) < settings.limit * problem.joints:
+        tell(f"looking for effect {len(accepted) + 1}")
+        ranked = try_all(problem, base, hypotheses_of(effects, problem.joints, present))
+        chosen = choose(problem, ranked, settings)
+        if chosen is None:
+            break
+        accepted.append(chosen)
+        present.add((chosen.name, chosen.joint))
+        for included in chosen.scored.start.hypothesis.effect.includes:
+            present.add((included, chosen.joint))
+        base = chosen.scored.fitted
+        steps.append(base)
+        accepted, base = prune(problem, nominal, accepted, base, settings)
+    left = tuple(remainder(problem, base, j) for j in range(problem.joints))
+    return Finding(verdict(nominal, base, accepted, left, settings), nominal, tuple(accepted), base, left, tuple(steps))
+
+
+def choose(problem: Problem, ranked: list[Scored], settings: Settings) -> Accepted | None:
+    """The best hypothesis that is significant and material; among near equals the one with fewest parameters."""
+    if not ranked:
+        return None
+    top = ranked[0]
+    margin = max(settings.rival, 0.02 * top.decrease)
+    near = [s for s in ranked if s.decrease >= top.decrease - margin and s.evidence > settings.threshold]
+    near.sort(key=lambda s: (s.start.hypothesis.effect.size, -s.evidence))
+    for scored in near:
+        hypothesis = scored.start.hypothesis
+        share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
+        if share >= settings.material:
+            rivals = tuple(
+                s for s in ranked
+                if s is not scored
+                and s.evidence > scored.evidence - settings.rival
+                and scored.name not in s.start.hypothesis.effect.includes
+            )
+            return Accepted(scored, share, rivals)
+    return None
+
+
+def prune(
+    problem: Problem, nominal: Fitted, accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """Drop effects that the later ones made superfluous."""
+    changed = len(accepted) > 1
+    while changed:
+        changed = False
+        for item in accepted[:-1]:
+            smaller = without(problem, base, item)
+            if smaller.criterion - base.criterion < item.scored.price + settings.threshold:
+                accepted = [other for other in accepted if other is not item]
+                base, changed = smaller, len(accepted) > 1
+                break
+    return accepted, base
+
+
+def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
+    """The model refitted without one of its effects."""
+    prefix, joint = item.name + ".", item.joint
+    switches = base.point.switches.copy()
+    switches[joint, problem.kernel.switches[item.name]] = False
+    free = tuple(f for f in base.point.free if not (f.name.startswith(prefix) and f.joint == joint))
+    return fit(problem, replace(base.point, switches=switches, free=free), rounds=2, iterations=8)
+
+
+def verdict(
+    nominal: Fitted, final: Fitted, accepted: Sequence[Accepted], left: Sequence[Remainder], settings: Settings
+) -> Verdict:
+    """none, named, ambiguous or unknown."""
+    explained = nominal.criterion - final.criterion
+    excess = sum(r.excess for r in left)
+    if excess > max(settings.unexplained * explained, 30.0):
+        return "unknown"
+    if any(item.rivals for item in accepted):
+        return "ambiguous"
+    return "named" if accepted else "none"

@@ -1,0 +1,256 @@
+"""Prediction-error estimation: simulate with a weak leak, whiten what remains, minimise it.
+
+With the leak fixed, the prediction error of a linear joint is an invertible filter of the innovations; a long
+autoregressive whitening filter therefore makes the least-squares estimate that of the prediction-error method, efficient
+and consistent in open and closed loop, whatever the colour of the unlogged noise (L. Ljung, System Identification,
+1999, chapters 7 and 13).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from diagnosis.problem import Free, Problem
+from envs.log import Array
+from methods.filters import prediction_filter
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A model: parameters (L, n, columns), switches (n, effects), rigid (2,), initial states (L, n, 3), free parameters."""
+
+    parameters: Array
+    switches: np.ndarray
+    rigid: Array
+    starts: Array
+    free: tuple[Free, ...]
+
+    @property
+    def vector(self) -> Array:
+        """Values of the free parameters."""
+        return np.array([self._get(f) for f in self.free])
+
+    def _get(self, f: Free) -> float:
+        if f.kind == "start":
+            return float(self.starts[f.log, f.joint, f.column])
+        if f.kind == "rigid":
+            return float(self.rigid[f.column])
+        return float(self.parameters[max(f.log, 0), f.joint, f.column])
+
+    def at(self, vector: Array) -> Point:
+        """The same model with other values of the free parameters."""
+        parameters, rigid, starts = self.parameters.copy(), self.rigid.copy(), self.starts.copy()
+        for f, value in zip(self.free, vector, strict=True):
+            if f.kind == "start":
+                starts[f.log, f.joint, f.column] = value
+            elif f.kind == "rigid":
+                rigid[f.column] = value
+            elif f.kind == "log":
+                parameters[f.log, f.joint, f.column] = value
+            else:
+                parameters[:, f.joint, f.column] = value
+        return replace(self, parameters=parameters, rigid=rigid, starts=starts)
+
+    def value(self, name: str) -> float:
+        return self.vector[[f.name for f in self.free].index(name)]
+
+
+def errors(problem: Problem, points: Sequence[Point], extra: Array | None = None, **options) -> Array:
+    """Prediction errors (C, T, n) of several points with the same switches or not."""
+    return problem.errors(
+        np.stack([p.parameters for p in points]),
+        np.stack([p.switches for p in points]),
+        np.stack([p.rigid for p in points]),
+        np.stack([p.starts for p in points]),
+        extra=extra,
+        **options,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Whitener:
+    """Prediction-error filters per joint (n, order + 1), leading coefficient 1, and the mask of usable samples."""
+
+    coefficients: Array
+    mask: np.ndarray
+
+    def __call__(self, error: Array) -> Array:
+        """Innovations of errors (..., T, n), stacked over joints: (..., N n)."""
+        parts = []
+        for j, filter_ in enumerate(self.coefficients):
+            flat = np.ascontiguousarray(error[..., j]).reshape(-1, error.shape[-2])
+            y = prediction_filter(flat, filter_).reshape(*error.shape[:-2], -1)
+            parts.append(y[..., self.mask])
+        return np.concatenate(parts, axis=-1)
+
+
+def whitener(problem: Problem, error: Array, order: int | None = None) -> Whitener:
+    """Autoregressive filter per joint by least squares (covariance method) on the errors (T, n) after the burn-in."""
+    order = order or autoregressive_order(problem)
+    mask = problem.used.copy()
+    for start, stop in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
+        first = start + int(np.argmax(problem.used[start:stop]))
+        mask[first : first + order] = False
+    rows = np.flatnonzero(mask)
+    if len(rows) > 60_000:
+        rows = rows[:: len(rows) // 60_000 + 1] if len(rows) > 240_000 else rows[-60_000:]
+    filters = np.zeros((problem.joints, order + 1))
+    for j in range(problem.joints):
+        lagged = np.stack([error[rows - i, j] for i in range(order + 1)])
+        gram = lagged @ lagged.T
+        ridge = 1e-12 * np.trace(gram[1:, 1:]) / order + 1e-300
+        solution = np.linalg.solve(gram[1:, 1:] + ridge * np.eye(order), gram[1:, 0])
+        filters[j] = np.concatenate([[1.0], -solution])
+    return Whitener(filters, mask)
+
+
+def autoregressive_order(problem: Problem) -> int:
+    """Lags that cover 40 ms, at least 12 and at most 48."""
+    return int(np.clip(round(0.04 / problem.sample_time), 12, 48))
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Outcome of a fit: model, errors (T, n), innovations (N n,), their mean squares per joint, covariance."""
+
+    point: Point
+    error: Array
+    innovation: Array
+    whitener: Whitener
+    covariance: Array
+    jacobian: Array
+    iterations: int
+
+    @property
+    def samples(self) -> int:
+        return self.innovation.size
+
+    @property
+    def variances(self) -> Array:
+        """Mean square innovation per joint (n,)."""
+        return np.mean(self.innovation.reshape(len(self.whitener.coefficients), -1) ** 2, axis=1)
+
+    @property
+    def criterion(self) -> float:
+        """-2 log likelihood up to a constant: sum over joints of N ln(mean square innovation)."""
+        count = self.samples // len(self.variances)
+        return float(count * np.sum(np.log(self.variances)))
+
+    def standard_error(self, name: str) -> float:
+        i = [f.name for f in self.point.free].index(name)
+        return float(np.sqrt(max(self.covariance[i, i], 0.0)))
+
+
+def sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e-3) -> Array:
+    """Derivative (P, T, n) of the prediction error with respect to the free parameters, by forward differences.
+
+    Parameters that live in different logs are perturbed together, since they cannot touch the same samples.
+    """
+    groups: dict[tuple, list[int]] = {}
+    for i, f in enumerate(point.free):
+        key = (f.kind, f.joint, f.column) if f.log >= 0 else (f.kind, f.joint, f.column, i)
+        groups.setdefault(key, []).append(i)
+    vector = point.vector
+    steps = np.array([step * f.scale for f in point.free])
+    steps = np.where(vector + steps > np.array([f.upper for f in point.free]), -steps, steps)
+    moved = []
+    for members in groups.values():
+        shifted = vector.copy()
+        shifted[members] += steps[members]
+        moved.append(point.at(shifted))
+    out = errors(problem, moved) - error
+    result = np.zeros((len(vector), *error.shape))
+    for difference, members in zip(out, groups.values(), strict=True):
+        for i in members:
+            f = point.free[i]
+            where = slice(None) if f.log < 0 else slice(problem.bounds[f.log], problem.bounds[f.log + 1])
+            result[i, where] = difference[where] / steps[i]
+    return result
+
+
+def weights(innovation: Array, joints: int) -> Array:
+    """One over the rms innovation of each joint, repeated per sample: joints with different units weigh alike."""
+    rms = np.sqrt(np.mean(innovation.reshape(joints, -1) ** 2, axis=1))
+    return np.repeat(1.0 / np.maximum(rms, 1e-300), innovation.size // joints)
+
+
+def fit(
+    problem: Problem,
+    point: Point,
+    filter_: Whitener | None = None,
+    *,
+    rounds: int = 2,
+    iterations: int = 6,
+    tolerance: float = 1e-5,
+) -> Fitted:
+    """Levenberg-Marquardt on the innovations; the whitening filter is renewed between rounds.
+
+    tolerance: relative decrease of the mean square below which a round ends.
+    """
+    error = errors(problem, [point])[0]
+    lower = np.array([f.lower for f in point.free])
+    upper = np.array([f.upper for f in point.free])
+    damping, count = 1e-3, 0
+    filter_ = filter_ or whitener(problem, error)
+    gram = jacobian = innovation = np.zeros(0)
+    for turn in range(rounds):
+        if turn:
+            filter_ = whitener(problem, error)
+        for _ in range(iterations):
+            innovation = filter_(error)
+            scale = weights(innovation, problem.joints)
+            base = float(np.sum((innovation * scale) ** 2))
+            jacobian = filter_(sensitivities(problem, point, error)) * scale
+            gram = jacobian @ jacobian.T
+            gradient = jacobian @ (innovation * scale)
+            diagonal = np.maximum(np.diag(gram), 1e-30 * max(np.max(np.diag(gram)), 1e-300))
+            count += 1
+            trials = []
+            for factor in (damping * 0.03, damping, damping * 30.0, damping * 3e3):
+                matrix = gram + factor * np.diag(diagonal)
+                step = np.linalg.lstsq(matrix / np.sqrt(np.outer(diagonal, diagonal)), -gradient / np.sqrt(diagonal), rcond=1e-13)[0]
+                vector = np.clip(point.vector + step / np.sqrt(diagonal), lower, upper)
+                trials.append((factor, point.at(vector)))
+            outcomes = errors(problem, [trial for _, trial in trials])
+            costs = [float(np.sum((filter_(outcome) * scale) ** 2)) for outcome in outcomes]
+            best = int(np.argmin(costs))
+            if not costs[best] < base:
+                damping = min(damping * 1e3, 1e6)
+                if damping >= 1e6:
+                    break
+                continue
+            damping = max(trials[best][0], 1e-9)
+            point, error = trials[best][1], outcomes[best]
+            if costs[best] > base * (1.0 - tolerance):
+                break
+    filter_ = whitener(problem, error)
+    innovation = filter_(error)
+    return finish(problem, point, error, filter_, count)
+
+
+def finish(problem: Problem, point: Point, error: Array, filter_: Whitener, count: int = 0) -> Fitted:
+    """Innovations, sensitivities and covariance at a point."""
+    innovation = filter_(error)
+    scale = weights(innovation, problem.joints)
+    jacobian = filter_(sensitivities(problem, point, error)) * scale
+    gram = jacobian @ jacobian.T
+    diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    covariance = np.linalg.pinv(gram / np.outer(diagonal, diagonal), rcond=1e-14) / np.outer(diagonal, diagonal)
+    return Fitted(point, error, innovation, filter_, covariance, jacobian, count)
+
+
+def project(basis: Array, target: Array) -> tuple[Array, float]:
+    """Least-squares coefficients of target (N,) on basis (K, N) and the decrease of the sum of squares."""
+    gram = basis @ basis.T
+    diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    right = basis @ target
+    try:
+        factor = cho_factor(gram / np.outer(diagonal, diagonal) + 1e-10 * np.eye(len(gram)))
+        coefficients = cho_solve(factor, right / diagonal) / diagonal
+    except np.linalg.LinAlgError:
+        coefficients = np.linalg.lstsq(gram, right, rcond=1e-10)[0]
+    return coefficients, float(right @ coefficients)

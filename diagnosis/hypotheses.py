@@ -1,0 +1,327 @@
+"""From an effect's name to a model that contains it: free parameters, starting values, scans.
+
+A hypothesis is one effect on one joint, in all logs or in one of them (an event need not happen in every recording).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+from diagnosis.estimation import Fitted, Point, errors, project, weights
+from diagnosis.problem import Free, Problem, scales, smooth_derivatives
+from envs.log import Array
+from methods.effects.base import Effect, Scales
+
+PER_LOG = {"periodic_disturbance": (0, 1)}
+"""Parameters that may differ from log to log: the phase of a disturbance has no reason to restart with a recording."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One effect on one joint (index into the problem's joints); log: the only log it lives in, or -1 for all."""
+
+    effect: Effect
+    joint: int
+    log: int = -1
+
+    @property
+    def key(self) -> str:
+        return f"{self.effect.name}@{self.joint}" + (f"#{self.log}" if self.log >= 0 else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A hypothesis with values (L, size) to begin from and the decrease of the criterion that they promise."""
+
+    hypothesis: Hypothesis
+    values: Array
+    promise: float
+    searched: int = 1
+
+
+def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array) -> Point:
+    """The model with one more effect; values (L, size)."""
+    effect, j = hypothesis.effect, hypothesis.joint
+    offset = problem.kernel.offsets[effect.name]
+    parameters, switches = point.parameters.copy(), point.switches.copy()
+    parameters[:, j, offset : offset + effect.size] = values
+    switches[j, problem.kernel.switches[effect.name]] = True
+    if hypothesis.log >= 0:
+        for a in effect.amplitudes:
+            parameters[[log for log in range(problem.logs) if log != hypothesis.log], j, offset + a] = 0.0
+    free = list(point.free)
+    for i, parameter in enumerate(effect.parameters):
+        size = float(np.max(np.abs(values[:, i])))
+        size = size if size > 0 else 1e-3
+        per_log = range(problem.logs) if i in PER_LOG.get(effect.name, ()) else (hypothesis.log,)
+        for log in per_log:
+            name = f"{effect.name}.{parameter.name}@{j}" + (f"#{log}" if log >= 0 else "")
+            kind = "log" if log >= 0 else "joint"
+            free.append(Free(name, kind, j, offset + i, size, parameter.lower, parameter.upper, log))
+    return replace(point, parameters=parameters, switches=switches, free=tuple(free))
+
+
+def proposals(problem: Problem, base: Fitted, candidates: Iterable[tuple[Effect, int]], sizes: dict[int, Scales]) -> list[Start]:
+    """Best starting values per hypothesis, by regression of the whitened nominal errors on its sensitivities.
+
+    Sensitivities come from the kernel itself (one simulation per amplitude and shape), so that the filter from an effect
+    to the prediction error is exact, friction and coupling included.
+    """
+    jobs: list[tuple[Hypothesis, Array, int]] = []
+    for effect, joint in candidates:
+        found: list[tuple[Hypothesis, Array, int]] = []
+        if effect.scan is not None:
+            found = scan(problem, base, effect, joint, sizes[joint])
+        elif effect.starts is not None:
+            every = list(effect.starts(sizes[joint]))
+            found = [(Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), len(every)) for v in every]
+        jobs += found
+    best: dict[str, Start] = {}
+    noise = weights(base.innovation, problem.joints)
+    residual = base.innovation * noise
+    for hypothesis, values, searched in jobs:
+        start = _regress(problem, base, residual, noise, hypothesis, values, searched)
+        key = hypothesis.effect.name + f"@{hypothesis.joint}"
+        if key not in best or start.promise > best[key].promise:
+            best[key] = start
+    return sorted(best.values(), key=lambda s: -s.promise)
+
+
+def _regress(
+    problem: Problem, base: Fitted, residual: Array, noise: Array, hypothesis: Hypothesis, values: Array, searched: int
+) -> Start:
+    effect, offset = hypothesis.effect, problem.kernel.offsets[hypothesis.effect.name]
+    total = float(residual @ residual)
+    count = residual.size
+    gain = lambda decrease: -count * np.log(max(1.0 - decrease / total, 1e-12))  # noqa: E731
+    if not effect.amplitudes:
+        trial = extend(problem, base.point, hypothesis, values)
+        whitened = base.whitener(errors(problem, [trial])[0]) * noise
+        _, decrease = project(base.jacobian, whitened)
+        return Start(hypothesis, values, gain(total - float(whitened @ whitened) + decrease), searched)
+    trials, slots = [], []
+    for a in effect.amplitudes:
+        logs = range(problem.logs) if a in PER_LOG.get(effect.name, ()) else (hypothesis.log,)
+        single = values.copy()
+        for other in effect.amplitudes:
+            if other != a:
+                single[:, other] = 0.0
+        trials.append(extend(problem, base.point, hypothesis, single))
+        slots.append((a, list(logs)))
+    difference = errors(problem, trials) - base.error
+    columns, owners = [], []
+    for d, (a, logs) in zip(difference, slots, strict=True):
+        for log in logs:
+            part = d
+            if log >= 0:
+                part = np.zeros_like(d)
+                window = slice(problem.bounds[log], problem.bounds[log + 1])
+                part[window] = d[window]
+            columns.append(part)
+            owners.append((a, log))
+    sensitivity = base.whitener(np.stack(columns)) * noise
+    coefficients, decrease = project(np.vstack([base.jacobian, sensitivity]), -residual)
+    adjusted = values.copy()
+    for (a, log), c in zip(owners, coefficients[len(base.jacobian) :], strict=True):
+        rows = slice(None) if log < 0 else log
+        trial = values[rows, a]
+        factor = np.clip(c, -50.0, 50.0)
+        if effect.parameters[a].lower == 0.0 and factor <= 0.0:
+            factor, decrease = 0.02, 0.3 * decrease
+        adjusted[rows, a] = trial * factor
+    return Start(hypothesis, adjusted, gain(decrease), searched)
+
+
+# ---------------------------------------------------------------------------------------------------------------- scans
+
+
+@dataclass(frozen=True, eq=False)
+class Adjoint:
+    """Correlation of the innovations with an input-equivalent torque at every instant, for one joint.
+
+    With h the whitened impulse response from torque to prediction error, ``c = h(-t) * innovation``: the inner product of
+    the innovations with the response to any torque d(t) is ``sum c d``, and its squared norm ``sum |h * d|^2``.
+    """
+
+    correlation: Array  # (T,)
+    response: Array  # (M,)
+    variance: float
+
+    @cached_property
+    def spectrum(self) -> Array:
+        """|H|^2 of the whitened response at equally spaced frequencies from 0 to the Nyquist frequency."""
+        n = 1 << int(np.ceil(np.log2(4 * len(self.response))))
+        return np.abs(np.fft.rfft(self.response, n)) ** 2
+
+    def power(self, angular: Array, dt: float) -> Array:
+        """|H|^2 of the whitened response at angular frequencies [rad/s]."""
+        place = np.abs(angular) * dt / np.pi * (len(self.spectrum) - 1)
+        return np.interp(place, np.arange(len(self.spectrum)), self.spectrum)
+
+
+def adjoint(problem: Problem, base: Fitted, joint: int) -> Adjoint:
+    """Impulse response by simulation of a short pulse on the nominal model, correlation by FFT per log."""
+    window = slice(problem.bounds[0], problem.bounds[1])
+    length = min(int(1.5 / problem.sample_time), (problem.bounds[1] - problem.bounds[0]) // 2)
+    at = problem.bounds[0] + (problem.bounds[1] - problem.bounds[0]) // 4
+    size = 0.05 * float(np.std(problem.command[window, joint])) + 1e-12
+    extra = np.zeros((1, len(problem.time), problem.joints))
+    extra[0, at, joint] = size
+    plain = np.zeros_like(extra)
+    out = errors(problem, [base.point, base.point], extra=np.concatenate([extra, plain]))
+    response = (out[0] - out[1])[at : at + length, joint] / size
+    filter_ = base.whitener.coefficients[joint]
+    response = np.convolve(response, filter_)[:length]
+    innovation = np.zeros(len(problem.time))
+    mask = base.whitener.mask
+    count = int(mask.sum())
+    innovation[mask] = base.innovation[joint * count : (joint + 1) * count]
+    correlation = np.zeros(len(problem.time))
+    for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
+        correlation[a:b] = fftconvolve(innovation[a:b], response[::-1])[len(response) - 1 :][: b - a]
+    return Adjoint(correlation, response, float(base.variances[joint]))
+
+
+def scan(problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales) -> list[tuple[Hypothesis, Array, int]]:
+    """Starting values from a scan over frequencies, cycles per revolution or instants, whitened throughout."""
+    tool = adjoint(problem, base, joint)
+    if effect.scan == "time":
+        return _scan_time(problem, tool, effect, joint, size)
+    if effect.scan == "position":
+        return _scan_position(problem, base, tool, effect, joint, size)
+    return _scan_events(problem, tool, effect, joint, size)
+
+
+def _scan_time(problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales) -> list[tuple[Hypothesis, Array, int]]:
+    """Periodogram of the correlation, summed over logs (the phase is free in each)."""
+    longest = int(np.max(np.diff(problem.bounds)))
+    n = 1 << int(np.ceil(np.log2(2 * longest)))
+    frequency = np.fft.rfftfreq(n, problem.sample_time)
+    score = np.zeros(len(frequency))
+    power = np.maximum(tool.power(2 * np.pi * frequency, problem.sample_time), 1e-300)
+    for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
+        score += 2 * np.abs(np.fft.rfft(tool.correlation[a:b], n)) ** 2 / ((b - a) * power * tool.variance)
+    valid = (frequency > 0.7 / size.duration) & (frequency < 0.45 / problem.sample_time)
+    score[~valid] = 0.0
+    found = []
+    for index in _peaks(score, 3, spacing=4):
+        values = np.tile([0.02 * size.torque_rms, 0.02 * size.torque_rms, frequency[index]], (problem.logs, 1))
+        found.append((Hypothesis(effect, joint), values, int(valid.sum() // 2)))
+    return found
+
+
+def _scan_position(
+    problem: Problem, base: Fitted, tool: Adjoint, effect: Effect, joint: int, size: Scales
+) -> list[tuple[Hypothesis, Array, int]]:
+    """Transform of the correlation over the angle; for a gain effect it is weighted with the motor torque."""
+    q = problem.reading[:, joint]
+    weight = np.ones(len(q))
+    if effect.slot == "gain":
+        weight = problem.command[:, joint]
+        if not np.any(weight):
+            return []
+    velocity = np.concatenate(
+        [
+            smooth_derivatives(problem.time[a:b], problem.reading[a:b, joint : joint + 1], 0.03)[1][:, 0]
+            for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True)
+        ]
+    )
+    span = max(float(np.ptp(q)), 1e-12)
+    least = 2.0 if problem.revolute else 2 * np.pi / span
+    spacing = min(np.pi / span / 3, 1.0) if not problem.revolute else min(np.pi / span / 3, 0.5)
+    most = min(0.5 * np.pi / (problem.sample_time * size.velocity_rms), 4000 * spacing)
+    if problem.revolute:
+        most = min(most, 1200.0)
+    cycles = np.arange(least, most, spacing)
+    if len(cycles) < 2:
+        return []
+    # bin the correlation on a fine grid of angles, then transform
+    bins = 1 << int(np.ceil(np.log2(min(2**17, max(64, 12 * span * cycles[-1] / (2 * np.pi))))))
+    place = np.clip(((q - q.min()) / span * bins).astype(int), 0, bins - 1)
+    folded = np.bincount(place, tool.correlation * weight, bins)
+    length = 4 * bins  # zero padding: cycles every pi / (2 span)
+    transform = np.fft.rfft(folded, length)
+    spacing = 2 * np.pi * bins / (span * length)
+    chosen = np.unique(np.round(cycles / spacing).astype(int))
+    chosen = chosen[(chosen > 0) & (chosen < len(transform))]
+    cycles, transform = chosen * spacing, transform[chosen]
+    edges = np.quantile(np.abs(velocity), np.linspace(0, 1, 33))
+    speeds = 0.5 * (edges[1:] + edges[:-1])
+    norm = np.mean(tool.power(np.outer(cycles, speeds), problem.sample_time), axis=1) * np.sum(weight**2) / 2
+    score = np.abs(transform) ** 2 / np.maximum(norm * tool.variance, 1e-300)
+    found = []
+    amplitude = 0.02 * size.torque_rms if effect.slot == "torque" else 0.02
+    for index in _peaks(score, 4, spacing=3):
+        values = np.tile([amplitude, amplitude, cycles[index]], (problem.logs, 1))
+        found.append((Hypothesis(effect, joint), values, len(cycles)))
+    return found
+
+
+def _scan_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales) -> list[tuple[Hypothesis, Array, int]]:
+    """Matched filters: pulses of several lengths (collision) or a step of the inertia (payload)."""
+    found = []
+    for log, (a, b) in enumerate(zip(problem.bounds[:-1], problem.bounds[1:], strict=True)):
+        time = problem.time[a:b] - problem.time[a]
+        usable = time > problem.burn_in
+        c = tool.correlation[a:b] * usable
+        searched = int((b - a) / max(1, len(tool.response) // 10))
+        if effect.name == "collision":
+            for seconds in (0.01, 0.03, 0.1, 0.3):
+                width = max(1, int(round(seconds / problem.sample_time)))
+                if width > (b - a) // 8:
+                    continue
+                matched = np.convolve(c, np.ones(width), mode="full")[width - 1 :][: b - a]
+                norm = float(np.sum(np.convolve(tool.response, np.ones(width)) ** 2))
+                score = matched**2 / max(norm * tool.variance, 1e-300)
+                index = int(np.argmax(score))
+                values = np.tile([0.05 * size.torque_rms, time[index], seconds], (problem.logs, 1))
+                found.append((score[index], Hypothesis(effect, joint, log), values, 4 * searched))
+        else:
+            acceleration = smooth_derivatives(time, problem.reading[a:b, joint : joint + 1], 0.02)[2][:, 0] * usable
+            filtered = fftconvolve(acceleration, tool.response)[: b - a]
+            part = np.cumsum(c * acceleration)
+            norm = np.cumsum(filtered**2)
+            if norm[-1] <= 0:
+                continue
+            share = norm / norm[-1]
+            spread = norm * (1 - share) * tool.variance
+            score = np.where((share > 0.02) & (share < 0.98), (part - share * part[-1]) ** 2 / np.maximum(spread, 1e-300), 0.0)
+            index = int(np.argmax(score))
+            values = np.tile([0.05 * size.inertia, time[index]], (problem.logs, 1))
+            found.append((score[index], Hypothesis(effect, joint, log), values, searched))
+            if log == 0:
+                found.append((score[index], Hypothesis(effect, joint), values, searched))
+    found.sort(key=lambda item: -item[0])
+    return [item[1:] for item in found[:4]]
+
+
+def _peaks(score: Array, count: int, spacing: int) -> list[int]:
+    """Indices of the highest values that keep a distance from each other."""
+    left, found = score.copy(), []
+    for _ in range(count):
+        index = int(np.argmax(left))
+        if left[index] <= 0:
+            break
+        found.append(index)
+        left[max(0, index - spacing) : index + spacing + 1] = 0.0
+    return found
+
+
+def sizes_of(problem: Problem, base: Fitted) -> dict[int, Scales]:
+    """Typical magnitudes per joint; the motor torque is taken from the command less the back-EMF."""
+    result = {}
+    for j in range(problem.joints):
+        velocity = np.concatenate(
+            [
+                smooth_derivatives(problem.time[a:b], problem.reading[a:b, j : j + 1], 0.03)[1][:, 0]
+                for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True)
+            ]
+        )
+        nominal = base.point.parameters[0, j]
+        result[j] = scales(problem, nominal, problem.command[:, j] - nominal[2] * velocity, j)
+    return result

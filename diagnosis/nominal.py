@@ -1,0 +1,145 @@
+"""The nominal model of a joint before any effect: which parameters are free and where the fit begins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.estimation import Fitted, Point, fit
+from diagnosis.problem import Free, Problem, smooth_derivatives
+from envs.log import Array, InputKind
+from methods.kernel import NOMINAL
+
+COLUMN = {name: index for index, name in enumerate(NOMINAL)}
+
+
+@dataclass(frozen=True)
+class JointStructure:
+    """What is known of a joint without any number: kind of drive and what gravity does to it.
+
+    electrical: the winding's lag is part of the model (voltage drives with inductance).
+    gravity: ``none``, ``pendulum`` (sine and cosine of the angle) or ``constant`` (a vertical linear axis).
+    viscous_share: share of the damping that is mechanical (0..1); command and angle cannot tell it from back-EMF.
+    electrical_time_constant: nominal L / R [s], where known.
+    """
+
+    input: InputKind = "voltage"
+    electrical: bool = True
+    gravity: str = "none"
+    viscous_share: float = 0.0
+    electrical_time_constant: float | None = None
+
+
+def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrical: tuple[bool, ...]) -> Point:
+    """Starting point: linear regression of the held command on smoothed derivatives, joint by joint."""
+    n = problem.joints
+    parameters = np.zeros((problem.logs, n, problem.kernel.columns))
+    parameters[:, :, COLUMN["torque_square_mean"]] = 1.0
+    rigid = np.array([0.0, 1.0])
+    free: list[Free] = []
+    rows = [[] for _ in range(n)]
+    sides = [[] for _ in range(n)]
+    for start, stop in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
+        time, u = problem.time[start:stop], problem.command[start:stop]
+        held = np.vstack([u[:1], 0.5 * (u[1:] + u[:-1])]) if problem.hold[0] == 0 else u
+        seconds = max(0.02, 8 * problem.sample_time)
+        q, dq, ddq = smooth_derivatives(time, problem.reading[start:stop], seconds)
+        side = smooth_derivatives(time, held, seconds)[0]
+        for j in range(n):
+            columns = [ddq[:, j], dq[:, j], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12)), np.ones(len(q))]
+            if structures[j].gravity == "pendulum" and not problem.pair:
+                columns += [np.sin(q[:, j]), np.cos(q[:, j])]
+            if problem.pair:
+                columns += _pair_columns(q, dq, ddq, j, structures[0].gravity == "pendulum")
+            rows[j].append(np.stack(columns, axis=1))
+            sides[j].append(side[:, j])
+    solutions = []
+    for j in range(n):
+        matrix, target = np.concatenate(rows[j]), np.concatenate(sides[j])
+        scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
+        solutions.append(np.linalg.lstsq(matrix / scale, target, rcond=1e-8)[0] / scale)
+    for j, structure in enumerate(structures):
+        x = solutions[j]
+        rms = np.sqrt(np.mean(np.concatenate(rows[j]) ** 2, axis=0)) + 1e-300
+        drive = float(np.sqrt(np.mean(np.concatenate(sides[j]) ** 2)))
+        inertia = x[0] if x[0] > 0 else 0.1 * drive / rms[0]
+        damping = max(x[1], 1e-3 * drive / rms[1])
+        share = structure.viscous_share if structure.input == "voltage" else 1.0
+        parameters[:, j, COLUMN["inertia"]] = inertia
+        parameters[:, j, COLUMN["viscous"]] = share * damping
+        parameters[:, j, COLUMN["back_emf"]] = (1.0 - share) * damping
+        free.append(Free(f"inertia@{j}", "joint", j, COLUMN["inertia"], inertia, lower=1e-6 * inertia))
+        main = "back_emf" if structure.input == "voltage" else "viscous"
+        free.append(Free(f"{main}@{j}", "joint", j, COLUMN[main], damping))
+        if electrical[j]:
+            begin = structure.electrical_time_constant or 3e-3
+            least = 0.5 * problem.sample_time / problem.substeps
+            parameters[:, j, COLUMN["electrical_time_constant"]] = max(begin, least)
+            free.append(
+                Free(f"electrical_time_constant@{j}", "joint", j, COLUMN["electrical_time_constant"], begin, least, 1.0)
+            )
+        if structure.gravity == "pendulum":
+            size = drive
+            parameters[:, j, COLUMN["gravity_sine"]] = x[4] if not problem.pair else x[-2]
+            parameters[:, j, COLUMN["gravity_cosine"]] = x[5] if not problem.pair else x[-1]
+            free.append(Free(f"gravity_sine@{j}", "joint", j, COLUMN["gravity_sine"], size))
+            free.append(Free(f"gravity_cosine@{j}", "joint", j, COLUMN["gravity_cosine"], size))
+        elif structure.gravity == "constant":
+            parameters[:, j, COLUMN["load"]] = x[3]
+            free.append(Free(f"load@{j}", "joint", j, COLUMN["load"], drive))
+        for log in range(problem.logs):
+            spread = float(np.std(problem.reading[:, j]))
+            free.append(Free(f"velocity@{j}#{log}", "start", j, 1, max(spread, 1e-9), log=log))
+    if problem.pair:
+        _start_pair(problem, parameters, rigid, free, solutions)
+    switches = np.zeros((n, len(problem.kernel.effects)), dtype=bool)
+    return Point(parameters, switches, rigid, problem.starts.copy(), tuple(free))
+
+
+def _pair_columns(q: Array, dq: Array, ddq: Array, j: int, gravity: bool) -> list[Array]:
+    """Regressors of the planar pair beyond a joint's own inertia: the other joint's inertia and the coupling p3."""
+    c, s = np.cos(q[:, 1]), np.sin(q[:, 1])
+    if j == 0:
+        columns = [ddq[:, 1], c * (2 * ddq[:, 0] + ddq[:, 1]) - s * (2 * dq[:, 0] * dq[:, 1] + dq[:, 1] ** 2)]
+        angle = q[:, 0]
+    else:
+        columns = [ddq[:, 0], c * ddq[:, 0] + s * dq[:, 0] ** 2]
+        angle = q[:, 0] + q[:, 1]
+    if gravity:
+        columns += [np.sin(angle), np.cos(angle)]
+    return columns
+
+
+def _start_pair(problem: Problem, parameters: Array, rigid: Array, free: list[Free], solutions: list[Array]) -> None:
+    """Parameters of the planar pair from the two regressions; p1 and p3 in units of joint 1, p2 in units of joint 2."""
+    first, second = solutions
+    p2 = max(float(first[4]), 1e-3 * abs(float(first[0])))
+    ratio = max(float(second[0]) / p2, 1e-3)
+    p1 = max(float(first[0]) - p2, 0.05 * abs(float(first[0])))
+    parameters[:, 0, COLUMN["inertia"]] = p1
+    parameters[:, 1, COLUMN["inertia"]] = ratio * p2
+    rigid[:] = float(first[5]), ratio
+    free[:] = [
+        f if not f.name.startswith("inertia") else Free(f.name, "joint", f.joint, f.column, p1 if f.joint == 0 else ratio * p2, 1e-9)
+        for f in free
+    ]
+    free.append(Free("coupling_inertia", "rigid", 0, 0, p1))
+    free.append(Free("unit_ratio", "rigid", 1, 1, ratio, 1e-6))
+
+
+def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
+    """Fit of the nominal model; the winding's lag takes part only where the logs show it."""
+    wanted = tuple(s.input == "voltage" and s.electrical for s in structures)
+    best = fit(problem, point_at(problem, structures, wanted), rounds=3, iterations=12)
+    for j, is_wanted in enumerate(wanted):
+        if not is_wanted:
+            continue
+        lag = next(f for f in best.point.free if f.name == f"electrical_time_constant@{j}")
+        value = best.point.value(lag.name)
+        if value <= 1.01 * lag.lower:
+            static = tuple(w and i != j for i, w in enumerate(wanted))
+            other = fit(problem, point_at(problem, structures, static), rounds=3, iterations=12)
+            if other.criterion < best.criterion + np.log(best.samples):
+                best, wanted = other, static
+    return best

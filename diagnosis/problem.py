@@ -1,0 +1,248 @@
+"""The logs of one joint (or of a coupled pair) laid out for the compiled kernel.
+
+Several logs are stacked one after the other; `bounds` says where each begins. Long recordings are represented by
+evenly spaced segments: what a diagnosis needs to know saturates long before ten million samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from envs.log import Array, Log
+from methods.effects.base import Scales
+from methods.kernel import NOMINAL, Kernel
+
+SEGMENT = 60_000  # samples of one segment of a long recording
+LIMIT = 240_000  # samples that take part in a fit
+
+
+@dataclass(frozen=True)
+class Free:
+    """One free parameter of a fit.
+
+    kind: ``joint`` (a column of the parameter array, for all logs), ``log`` (the same for one log only), ``start``
+    (initial state: 0 angle, 1 velocity, 2 motor torque; of one log), ``rigid`` (coupling parameters of a pair).
+    """
+
+    name: str
+    kind: str
+    joint: int
+    column: int
+    scale: float
+    lower: float = -np.inf
+    upper: float = np.inf
+    log: int = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Stacked logs. Shapes: time (T,), command and reading (T, n), neighbour (T, n, 3) or (0, n, 3), bounds (L + 1,).
+
+    leak [rad/s] pulls the predicted angle towards the measured one, rate_leak [1/s^2] the velocity; burn_in [s] is what
+    is discarded at the beginning of every log while initial errors of the angle decay.
+    """
+
+    kernel: Kernel
+    time: Array
+    command: Array
+    reading: Array
+    bounds: np.ndarray
+    hold: np.ndarray
+    neighbour: Array
+    pair: bool
+    substeps: int
+    leak: float
+    rate_leak: float
+    burn_in: float
+    encoder_step: float
+    revolute: bool
+    names: tuple[str, ...] = ()
+    starts: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
+
+    @property
+    def joints(self) -> int:
+        return self.command.shape[1]
+
+    @property
+    def logs(self) -> int:
+        return len(self.bounds) - 1
+
+    @cached_property
+    def sample_time(self) -> float:
+        """Median interval between samples [s]."""
+        return float(np.median(np.diff(self.time[: self.bounds[1]])))
+
+    @cached_property
+    def used(self) -> np.ndarray:
+        """Mask (T,) of the samples after the burn-in of their log."""
+        mask = np.zeros(len(self.time), dtype=bool)
+        for start, stop in zip(self.bounds[:-1], self.bounds[1:], strict=True):
+            mask[start:stop] = self.time[start:stop] - self.time[start] >= self.burn_in
+        return mask
+
+    @cached_property
+    def cumulative(self) -> Array:
+        """Integral of the held command over samples, per log (T, n)."""
+        total = np.zeros_like(self.command)
+        for start, stop in zip(self.bounds[:-1], self.bounds[1:], strict=True):
+            u = self.command[start:stop]
+            for j in range(self.joints):
+                step = u[:-1, j] if self.hold[j] == 0 else 0.5 * (u[:-1, j] + u[1:, j])
+                total[start + 1 : stop, j] = np.cumsum(step)
+        return total
+
+    def errors(
+        self,
+        parameters: Array,
+        switches: np.ndarray,
+        rigid: Array,
+        starts: Array,
+        extra: Array | None = None,
+        substeps: int | None = None,
+        leak: bool = True,
+    ) -> Array:
+        """Prediction errors (C, T, n) of C candidates: parameters (C, L, n, columns), switches (C, n, effects)."""
+        out = np.empty((len(parameters), len(self.time), self.joints))
+        self.kernel.module.batch(
+            self.time,
+            self.command,
+            self.cumulative,
+            self.hold,
+            self.reading,
+            self.neighbour,
+            np.zeros((0, 0, self.joints)) if extra is None else extra,
+            self.bounds,
+            starts,
+            parameters,
+            switches,
+            self.pair,
+            rigid,
+            self.leak if leak else 0.0,
+            self.rate_leak if leak else 0.0,
+            substeps or self.substeps,
+            out,
+        )
+        return out
+
+
+def smooth_derivatives(time: Array, reading: Array, seconds: float) -> tuple[Array, Array, Array]:
+    """Smoothed angle, velocity and acceleration by local cubic fits over a window [s]; reading (T, n)."""
+    dt = float(np.median(np.diff(time)))
+    window = max(7, 2 * int(round(0.5 * seconds / dt)) + 1)
+    window = min(window, (len(time) - 1) // 2 * 2 - 1)
+    order = 3 if window > 4 else 2
+    parts = [savgol_filter(reading, window, order, deriv=d, delta=dt, axis=0) for d in range(3)]
+    return parts[0], parts[1], parts[2]
+
+
+def estimated_step(reading: Array) -> float:
+    """Resolution of a reading: the smallest non-zero difference between neighbouring distinct values (0 if continuous)."""
+    values = np.unique(reading)
+    if len(values) < 3:
+        return 0.0
+    gaps = np.diff(values)
+    step = float(np.min(gaps[gaps > 1e-12 * max(1.0, np.ptp(values))], initial=np.inf))
+    if not np.isfinite(step):
+        return 0.0
+    share = np.mean(np.abs(gaps / step - np.round(gaps / step)) < 0.05)
+    return step if share > 0.9 else 0.0
+
+
+def segments(log: Log, budget: int) -> list[Log]:
+    """The log itself when it is short, else evenly spaced segments of at most `budget` samples together."""
+    if len(log) <= max(budget, SEGMENT):
+        return [log]
+    count = max(1, budget // SEGMENT)
+    begins = np.linspace(0, len(log) - SEGMENT, count).astype(int)
+    return [log.slice(begin, begin + SEGMENT) for begin in begins]
+
+
+def stack(
+    kernel: Kernel,
+    logs: Sequence[Log],
+    joints: tuple[int, ...],
+    *,
+    pair: bool = False,
+    neighbours: bool = True,
+    burn_in: float | None = None,
+) -> Problem:
+    """Lay out logs for a fit of the named joints; other joints of the logs serve as neighbours for coupling effects."""
+    parts = [part for log in logs for part in segments(log, LIMIT // len(logs))]
+    times, commands, readings, others, starts = [], [], [], [], []
+    for log in parts:
+        columns = [log.index(joint) for joint in joints]
+        times.append(log.time)
+        commands.append(log.command[:, columns])
+        readings.append(log.position[:, columns])
+        dt = log.sample_time
+        smooth = smooth_derivatives(log.time, log.position, max(0.03, 8 * dt))
+        beginning = np.zeros((len(joints), 3))
+        beginning[:, 0] = log.position[0, columns]
+        beginning[:, 1] = smooth[1][0, columns]
+        starts.append(beginning)
+        rest = [column for column in range(len(log.joints)) if column not in columns]
+        if neighbours and not pair and len(log.joints) > 1:
+            near = np.zeros((len(log), len(joints), 3))
+            for i, column in enumerate(columns):
+                other = min(rest, key=lambda c: abs(c - column))  # noqa: B023
+                near[:, i, 0] = smooth[2][:, other]
+                near[:, i, 1] = smooth[1][:, other]
+                near[:, i, 2] = log.command[:, other]
+            others.append(near)
+    first = parts[0]
+    facts = [first.facts[first.index(joint)] for joint in joints]
+    dt = first.sample_time
+    position = np.concatenate([log.position[:, log.index(joints[0])] for log in parts])
+    return Problem(
+        kernel=kernel,
+        time=np.concatenate(times),
+        command=np.ascontiguousarray(np.concatenate(commands)),
+        reading=np.ascontiguousarray(np.concatenate(readings)),
+        bounds=np.cumsum([0, *(len(part) for part in parts)]),
+        hold=np.array([0 if fact.hold == "zero_order" else 1 for fact in facts], dtype=np.int64),
+        neighbour=np.concatenate(others) if others else np.zeros((0, len(joints), 3)),
+        pair=pair,
+        substeps=max(1, int(np.ceil(dt / 2e-3))),
+        leak=min(30.0, 0.1 / dt),
+        rate_leak=0.0,
+        burn_in=0.25 if burn_in is None else burn_in,
+        encoder_step=facts[0].encoder_step or estimated_step(position),
+        revolute=facts[0].position_unit == "rad",
+        names=tuple(part.name for part in parts),
+        starts=np.array(starts),
+    )
+
+
+def scales(problem: Problem, nominal: Array, torque: Array, joint: int) -> Scales:
+    """Typical magnitudes for the starting values of effects; nominal (columns,), torque (T,) motor torque."""
+    q = problem.reading[:, joint]
+    velocity = np.concatenate(
+        [
+            smooth_derivatives(problem.time[a:b], problem.reading[a:b, joint : joint + 1], 0.03)[1][:, 0]
+            for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True)
+        ]
+    )
+    u = problem.command[:, joint]
+    rms = lambda x: float(np.sqrt(np.mean(x**2)))  # noqa: E731
+    return Scales(
+        command_rms=rms(u),
+        command_peak=float(np.max(np.abs(u))),
+        torque_rms=max(rms(torque), 1e-12),
+        torque_peak=max(float(np.max(np.abs(torque))), 1e-12),
+        position_span=float(np.ptp(q)),
+        position_mean=float(np.mean(q)),
+        velocity_rms=max(rms(velocity), 1e-12),
+        velocity_peak=max(float(np.max(np.abs(velocity))), 1e-12),
+        inertia=float(nominal[NOMINAL.index("inertia")]),
+        damping=float(nominal[NOMINAL.index("viscous")] + nominal[NOMINAL.index("back_emf")]),
+        duration=float(np.max([problem.time[b - 1] - problem.time[a] for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True)])),
+        sample_time=problem.sample_time,
+        encoder_step=problem.encoder_step,
+        revolute=problem.revolute,
+        joints=2 if problem.pair or len(problem.neighbour) else 1,
+    )

@@ -1,0 +1,101 @@
+"""What is left after the named effects: does it depend on any signal of the log, and on which?
+
+The innovations are regressed on the whitened responses to smooth functions of position, velocity, motor torque, elapsed
+time and so on, injected as torque into the simulated joint. Innovations that no such function explains are noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from diagnosis.estimation import Fitted, errors, project, weights
+from diagnosis.problem import Problem, smooth_derivatives
+from envs.log import Array
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """One group of signals: decrease of -2 log likelihood, functions used, p-value (Bonferroni over the groups)."""
+
+    signal: str
+    decrease: float
+    functions: int
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """Dependences in order of strength, and the decrease that all groups together would bring."""
+
+    dependences: tuple[Dependence, ...]
+    decrease: float
+    functions: int
+
+    @property
+    def excess(self) -> float:
+        """Decrease beyond what noise alone would give (one per function, plus four standard deviations)."""
+        return max(0.0, self.decrease - self.functions - 4.0 * np.sqrt(2.0 * self.functions))
+
+
+def signals(problem: Problem, fitted: Fitted, joint: int) -> dict[str, list[Array]]:
+    """Groups of smooth functions (T,) of the recorded signals, each of unit scale."""
+    groups: dict[str, list[Array]] = {name: [] for name in ("position", "velocity", "direction", "motor torque", "elapsed time")}
+    pieces: dict[str, list[list[Array]]] = {name: [] for name in groups}
+    q_all = problem.reading[:, joint]
+    q0, q1 = q_all.min(), np.ptp(q_all) + 1e-300
+    nominal = fitted.point.parameters[0, joint]
+    for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
+        time = problem.time[a:b] - problem.time[a]
+        _, dq, ddq = smooth_derivatives(time, problem.reading[a:b, joint : joint + 1], max(0.02, 5 * problem.sample_time))
+        dq, ddq = dq[:, 0], ddq[:, 0]
+        q = (problem.reading[a:b, joint] - q0) / q1
+        v = dq / (np.std(dq) + 1e-300)
+        w = problem.command[a:b, joint] - nominal[2] * dq
+        w = w / (np.std(w) + 1e-300)
+        s = time / max(time[-1], 1e-9)
+        sign = np.tanh(v / 0.03)
+        pieces["position"].append([np.cos(np.pi * k * q) for k in range(1, 9)])
+        pieces["velocity"].append([sign, v * np.abs(v), v**3, sign * np.exp(-((v / 0.2) ** 2)), np.abs(v), v**2 * np.exp(-(v**2))])
+        pieces["direction"].append([sign * np.cos(np.pi * k * q) for k in range(1, 5)] + [np.abs(v) * sign * np.cos(np.pi * q)])
+        pieces["motor torque"].append([np.abs(w) * sign, w**3, w * np.abs(w), w * np.cos(np.pi * q), w * np.cos(2 * np.pi * q), np.abs(w)])
+        acceleration = ddq / (np.std(ddq) + 1e-300)
+        pieces["motor torque"][-1] += [acceleration * np.cos(np.pi * q), acceleration * np.cos(2 * np.pi * q), acceleration * np.abs(v)]
+        pieces["elapsed time"].append([np.cos(np.pi * k * s) for k in range(1, 5)] + [s * v, s * w, np.ones_like(s), s * s * w])
+    for name, parts in pieces.items():
+        groups[name] = [np.concatenate([part[i] for part in parts]) for i in range(len(parts[0]))]
+    if len(problem.neighbour):
+        near = problem.neighbour[:, joint]
+        near = near / (np.std(near, axis=0) + 1e-300)
+        groups["another joint"] = [near[:, i] for i in range(3)] + [near[:, 1] * np.abs(near[:, 1])]
+    return groups
+
+
+def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
+    """Regression of the innovations on the responses to every function, together and group by group."""
+    groups = signals(problem, fitted, joint)
+    noise = weights(fitted.innovation, problem.joints)
+    residual = fitted.innovation * noise
+    total, count = float(residual @ residual), residual.size // problem.joints
+    size = 1e-3 * float(np.std(problem.command[:, joint]))
+    responses: dict[str, Array] = {}
+    for name, functions in groups.items():
+        extra = np.zeros((len(functions), len(problem.time), problem.joints))
+        extra[:, :, joint] = size * np.stack(functions)
+        difference = errors(problem, [fitted.point] * len(functions), extra=extra) - fitted.error
+        responses[name] = fitted.whitener(difference) * noise
+    gain = lambda basis: -count * np.log(max(1.0 - project(basis, residual)[1] / total, 1e-12))  # noqa: E731
+    base = gain(fitted.jacobian)
+    found = []
+    for name, response in responses.items():
+        decrease = gain(np.vstack([fitted.jacobian, response])) - base
+        p = float(min(1.0, len(responses) * chi2.sf(max(decrease, 0.0), len(response))))
+        found.append(Dependence(name, float(decrease), len(response), p))
+    every = np.vstack([fitted.jacobian, *responses.values()])
+    return Remainder(
+        tuple(sorted(found, key=lambda d: -d.decrease / d.functions)),
+        float(gain(every) - base),
+        sum(len(r) for r in responses.values()),
+    )

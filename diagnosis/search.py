@@ -1,0 +1,78 @@
+"""Which effects are missing: propose by regression, decide by prediction error, prefer the simple, prune backwards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.estimation import Fitted, Point, fit
+from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of
+from diagnosis.problem import Problem
+from envs.log import Array
+from methods.effects.base import Effect
+from methods.kernel import NOMINAL
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A fitted hypothesis beside its parent: decrease of -2 log likelihood, and the price it has to pay."""
+
+    start: Start
+    fitted: Fitted
+    decrease: float
+    price: float
+
+    @property
+    def name(self) -> str:
+        return self.start.hypothesis.effect.name
+
+    @property
+    def evidence(self) -> float:
+        return self.decrease - self.price
+
+
+def price(problem: Problem, start: Start, samples: int) -> float:
+    """What an effect is charged: ln N per parameter and 2 ln(number of shapes searched)."""
+    effect = start.hypothesis.effect
+    extra = sum(problem.logs - 1 for f in effect.parameters if f.name in ("sine", "cosine") and effect.scan == "time")
+    return (effect.size + extra) * np.log(samples) + 2.0 * np.log(max(start.searched, 1))
+
+
+def try_all(
+    problem: Problem,
+    base: Fitted,
+    effects: Sequence[tuple[Effect, int]],
+    *,
+    refine: int = 8,
+    finals: int = 3,
+) -> list[Scored]:
+    """Every hypothesis on top of a base model, best first; only the promising ones are refined."""
+    base = _with_reference(problem, base)
+    starts = proposals(problem, base, effects, sizes_of(problem, base))
+    rough = []
+    for start in starts[:refine]:
+        point = extend(problem, base.point, start.hypothesis, start.values)
+        fitted = fit(problem, point, base.whitener, rounds=1, iterations=4, tolerance=1e-4)
+        rough.append(Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples)))
+    rough.sort(key=lambda s: -s.evidence)
+    final = []
+    for scored in rough[:finals]:
+        fitted = fit(problem, scored.fitted.point, rounds=3, iterations=8)
+        final.append(replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion))
+    return sorted(final + rough[finals:], key=lambda s: -s.evidence)
+
+
+def _with_reference(problem: Problem, base: Fitted) -> Fitted:
+    """The same fit with the mean square motor torque filled in, by which thermal effects are normalised."""
+    point: Point = base.point
+    parameters: Array = point.parameters.copy()
+    for j in range(problem.joints):
+        parameters[:, j, NOMINAL.index("torque_square_mean")] = max(sizes_of(problem, base)[j].torque_rms ** 2, 1e-300)
+    return replace(base, point=replace(point, parameters=parameters))
+
+
+def hypotheses_of(effects: Sequence[Effect], joints: int, present: set[tuple[str, int]]) -> list[tuple[Effect, int]]:
+    """Effects not yet in the model, per joint."""
+    return [(effect, j) for j in range(joints) for effect in effects if (effect.name, j) not in present]

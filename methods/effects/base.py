@@ -1,0 +1,123 @@
+"""What an effect is: a standard name, its place in the signal chain, parameters, and one equation.
+
+All torques in the models are *input-equivalent*, i.e. expressed in the unit of the command
+(``torque * R / (alpha * gain)`` for a voltage drive), because command and angle alone determine no more.
+
+An effect's equation is one scalar function compiled by numba. Its slot says where it acts:
+
+========== ==================================================== =======================================
+slot       signature                                            meaning of the result
+========== ==================================================== =======================================
+command    f(u, t, q, dq, w, p)                                 the command after this effect [command unit]
+gain       f(t, q, dq, w, p)                                    factor on the motor torque [1]
+torque     f(t, q, dq, w, x, p)                                 torque that resists the motion [command unit]
+friction   f(t, q, dq, w, p)                                    level of dry friction, >= 0 [command unit]
+sensor     f(q, p)                                              reading minus angle [rad or m]
+structure  (none)                                               built into the kernel: extra states, time shifts
+========== ==================================================== =======================================
+
+``t`` [s], ``q`` [rad or m], ``dq`` [rad/s or m/s], ``w`` motor torque [command unit], ``p`` the parameters of the effect
+in the order of the declaration, ``x`` = (acceleration, velocity, command) of the neighbouring joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
+
+Stage = Literal["amplifier", "motor", "transmission", "arm", "sensor"]
+Slot = Literal["command", "gain", "torque", "friction", "sensor", "structure"]
+Dimension = Literal[
+    "command",  # [unit of the command]
+    "torque",  # [N m or N], input-equivalent inside the models
+    "torque per position",
+    "torque per velocity",
+    "torque per velocity squared",
+    "inertia",
+    "1/command",
+    "1/command squared",
+    "time",
+    "frequency",
+    "position",
+    "velocity",
+    "cycles per revolution",
+    "angle",
+    "ratio",
+]
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One parameter: canonical name, dimension, bounds in model units, and what the number means."""
+
+    name: str
+    dimension: Dimension
+    meaning: str
+    lower: float = -float("inf")
+    upper: float = float("inf")
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical magnitudes of the logs at hand, from which an effect proposes starting values.
+
+    Everything is measured on the logs (nothing is tuned to a machine): command rms and peak, motor torque rms and peak
+    [command unit]; position span, velocity rms and peak; nominal inertia and rate constants; duration and sample time.
+    """
+
+    command_rms: float
+    command_peak: float
+    torque_rms: float
+    torque_peak: float
+    position_span: float
+    position_mean: float
+    velocity_rms: float
+    velocity_peak: float
+    inertia: float
+    damping: float
+    duration: float
+    sample_time: float
+    encoder_step: float
+    revolute: bool = True
+    joints: int = 1
+
+
+Starts = Callable[[Scales], Iterable[tuple[float, ...]]]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical effect as an equation of the models.
+
+    amplitudes: indices of the parameters in which the effect is linear near zero; with all of them zero it vanishes.
+    starts: proposes full parameter vectors; amplitudes in them are trial sizes, rescaled by regression before use.
+    scan: how candidate shapes that no short grid can cover are found: ``time`` (frequency of a disturbance),
+        ``position`` (cycles per revolution), ``event`` (instants), or None.
+    variable: the signal against which the effect shows itself in a plot.
+    cost: number of values searched on a grid before fitting, charged as ``2 ln(cost)`` in the evidence.
+    """
+
+    name: str
+    stage: Stage
+    slot: Slot
+    parameters: tuple[EffectParameter, ...]
+    equation: str
+    variable: str
+    source: str
+    amplitudes: tuple[int, ...] = (0,)
+    starts: Starts | None = None
+    function: Callable | None = None
+    scan: Literal["time", "position", "event"] | None = None
+    substeps: int = 1
+    includes: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> int:
+        return len(self.parameters)
+
+
+def grid(*axes: Iterable[float]) -> list[tuple[float, ...]]:
+    """Cartesian product of starting values, one axis per parameter."""
+    return list(product(*axes))

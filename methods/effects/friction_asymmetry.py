@@ -1,0 +1,30 @@
+"""Asymmetric friction: dry and viscous friction differ between the two directions.
+
+``T+ = T + torque / 2``, ``T- = T - torque / 2`` and likewise for the viscous coefficient; nothing acts at rest.
+
+Source: B. Armstrong-Helouvry, Control of Machines with Friction, 1991 (direction-dependent Coulomb and viscous terms).
+"""
+
+from methods.effects.base import Effect, EffectParameter
+
+
+def torque(t, q, dq, w, x, p):
+    """torque / 2 (while moving) + viscous / 2 |dq|."""
+    return (0.5 * p[0] if dq != 0.0 else 0.0) + 0.5 * p[1] * abs(dq)
+
+
+EFFECT = Effect(
+    name="friction_asymmetry",
+    stage="arm",
+    slot="torque",
+    parameters=(
+        EffectParameter("torque", "torque", "dry friction forwards minus backwards"),
+        EffectParameter("viscous", "torque per velocity", "viscous coefficient forwards minus backwards"),
+    ),
+    equation=r"\tau_f = \Delta T/2 + \Delta b/2\,|\dot q|",
+    variable="direction",
+    source="Armstrong-Helouvry 1991",
+    amplitudes=(0, 1),
+    starts=lambda s: [(0.02 * s.torque_rms, 0.02 * s.torque_rms / s.velocity_rms)],
+    function=torque,
+)

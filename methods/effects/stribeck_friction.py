@@ -1,0 +1,35 @@
+"""Stribeck friction: dry friction that falls from a static level to the Coulomb level as the joint speeds up.
+
+Source: B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, A survey of models ... Automatica 30 (1994).
+"""
+
+import math
+
+from methods.effects.base import Effect, EffectParameter
+
+
+def friction(t, q, dq, w, p):
+    """torque + excess exp(-(dq / velocity)^2)."""
+    ratio = dq / p[2]
+    return p[0] + p[1] * math.exp(-ratio * ratio)
+
+
+EFFECT = Effect(
+    name="stribeck_friction",
+    stage="arm",
+    slot="friction",
+    parameters=(
+        EffectParameter("torque", "torque", "Coulomb level", lower=0.0),
+        EffectParameter("excess", "torque", "static level minus Coulomb level", lower=0.0),
+        EffectParameter("velocity", "velocity", "Stribeck velocity", lower=1e-9),
+    ),
+    equation=r"\tau_f = [T_c + (T_s - T_c)\,e^{-(\dot q/v_s)^2}]\,\mathrm{sign}(\dot q)",
+    variable="velocity",
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit 1994",
+    amplitudes=(0, 1),
+    starts=lambda s: [
+        (0.02 * s.torque_rms, 0.01 * s.torque_rms, fraction * s.velocity_rms) for fraction in (0.03, 0.1, 0.25, 0.6)
+    ],
+    function=friction,
+    includes=("coulomb_friction",),
+)

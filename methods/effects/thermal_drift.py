@@ -1,0 +1,22 @@
+"""Thermal drift of the winding: resistance rises with the heat of the current through one thermal time constant.
+
+``rise' = (resistance_rise w^2 / mean(w^2) - rise) / time_constant`` with ``R = R0 (1 + rise)``, cold at the start of a log.
+
+Source: A. Hughes, B. Drury, Electric Motors and Drives, section 1 (thermal time constant).
+"""
+
+from methods.effects.base import Effect, EffectParameter
+
+EFFECT = Effect(
+    name="thermal_drift",
+    stage="motor",
+    slot="structure",
+    parameters=(
+        EffectParameter("resistance_rise", "ratio", "relative rise reached in the end at the mean square current"),
+        EffectParameter("time_constant", "time", "thermal time constant", lower=1e-3),
+    ),
+    equation=r"R = R_0(1+\vartheta),\ T\dot\vartheta = r\,i^2/\overline{i^2} - \vartheta",
+    variable="elapsed time",
+    source="Hughes and Drury",
+    starts=lambda s: [(0.02, fraction * s.duration) for fraction in (0.03, 0.1, 0.3, 1.0, 4.0)],
+)

@@ -1,0 +1,24 @@
+"""Saturation of the torque constant: the iron saturates and the torque per current falls at high current.
+
+Source: MuJoCo's and motor makers' rational law; D. Hanselman, Brushless Motors, section on saturation.
+"""
+
+from methods.effects.base import Effect, EffectParameter
+
+
+def gain(t, q, dq, w, p):
+    """1 / (1 + coefficient w^2)."""
+    return 1.0 / (1.0 + p[0] * w * w)
+
+
+EFFECT = Effect(
+    name="torque_constant_saturation",
+    stage="motor",
+    slot="gain",
+    parameters=(EffectParameter("coefficient", "1/command squared", "relative loss per squared motor torque", lower=0.0),),
+    equation=r"\tau_m = \alpha i / (1 + c\,i^2)",
+    variable="motor torque",
+    source="Hanselman",
+    starts=lambda s: [(0.02 / s.torque_rms**2,)],
+    function=gain,
+)

@@ -1,0 +1,31 @@
+"""Torque ripple: the torque constant varies periodically with the angle of the rotor.
+
+Source: D. Hanselman, Brushless Permanent Magnet Motor Design, section on ripple torque.
+"""
+
+import math
+
+from methods.effects.base import Effect, EffectParameter
+
+
+def gain(t, q, dq, w, p):
+    """1 + sine sin(N q) + cosine cos(N q)."""
+    return 1.0 + p[0] * math.sin(p[2] * q) + p[1] * math.cos(p[2] * q)
+
+
+EFFECT = Effect(
+    name="torque_ripple",
+    stage="motor",
+    slot="gain",
+    parameters=(
+        EffectParameter("sine", "ratio", "sine part of the share"),
+        EffectParameter("cosine", "ratio", "cosine part of the share"),
+        EffectParameter("cycles_per_rev", "cycles per revolution", "cycles per revolution (2 pi per metre)", lower=1e-3),
+    ),
+    equation=r"\tau_m = \alpha i\,(1 + s\,\sin(N q + \varphi))",
+    variable="position",
+    source="Hanselman",
+    amplitudes=(0, 1),
+    function=gain,
+    scan="position",
+)

@@ -1,0 +1,630 @@
+"""One compiled simulator for every combination of effects.
+
+The kernel integrates n joints (independent, or the first two as a planar pair) along a log: it predicts the reading,
+corrects the predicted angle weakly towards the measurement (a *leak*; with a leak of zero it is a free simulation),
+and returns the prediction error. The equations of the effects are written into its source, one call each behind a
+switch, so that any subset runs in the same machine code; the source lives in a cache folder keyed by its contents.
+
+Per joint, in units of the command::
+
+    T_e w' = v_a - k q' - (1 + rise) w            electrical (T_e = 0: w = (v_a - k q') / (1 + rise))
+    M(q) q'' + h(q, q') + b q' + gravity + torques + friction = gain w
+    reading = q + sensor(q)
+
+Integration: fourth-order Runge-Kutta with the command averaged exactly over each step (hold and delay included); dry
+friction is handled by events (a joint stops inside a step, rests while the other forces stay below the friction level,
+and breaks away), bristles and the low-pass of the amplifier by their exact exponential solution.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import os
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from methods.effects.base import Effect
+
+NOMINAL = ("inertia", "viscous", "back_emf", "electrical_time_constant", "gravity_sine", "gravity_cosine", "load", "torque_square_mean")
+"""Nominal parameters of a joint, the first columns of the parameter array."""
+STRUCTURAL = {
+    "amplifier_lag": "LAG",
+    "input_delay": "DELAY",
+    "thermal_drift": "THERMAL",
+    "joint_flexibility": "FLEX",
+    "backlash": "PLAY",
+    "presliding_friction": "BRISTLE",
+    "payload_change": "PAYLOAD",
+}
+"""Effects that need states or time shifts of their own and are therefore written in the template below."""
+
+
+def cache_folder() -> Path:
+    """Folder for generated sources and machine code: ADEPTONE_CACHE, the user's cache, or a temporary one."""
+    candidates = [os.environ.get("ADEPTONE_CACHE"), os.environ.get("XDG_CACHE_HOME"), str(Path.home() / ".cache")]
+    for base in filter(None, candidates):
+        folder = Path(base) / "adeptone"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder
+        except OSError:
+            continue
+    return Path(tempfile.mkdtemp(prefix="adeptone"))
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Compiled simulator for a fixed, ordered set of effects.
+
+    `offsets[name]` is the first column of an effect's parameters, `switches[name]` its column in the switch array.
+    """
+
+    effects: tuple[Effect, ...]
+
+    @cached_property
+    def offsets(self) -> dict[str, int]:
+        starts = np.cumsum([len(NOMINAL), *(effect.size for effect in self.effects)])
+        return {effect.name: int(start) for effect, start in zip(self.effects, starts, strict=False)}
+
+    @property
+    def columns(self) -> int:
+        """Number of parameters per joint."""
+        return len(NOMINAL) + sum(effect.size for effect in self.effects)
+
+    @cached_property
+    def switches(self) -> dict[str, int]:
+        return {effect.name: column for column, effect in enumerate(self.effects)}
+
+    @cached_property
+    def module(self) -> ModuleType:
+        """The generated module, compiled on first use and kept on disk."""
+        source = _source(self)
+        key = hashlib.sha256(source.encode()).hexdigest()[:16]
+        path = cache_folder() / f"kernel_{key}.py"
+        if not path.exists():
+            handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+            with os.fdopen(handle, "w") as file:
+                file.write(source)
+            os.replace(temporary, path)
+        name = f"adeptone_kernel_{key}"
+        if name not in sys.modules:
+            spec = importlib.util.spec_from_file_location(name, path)
+            assert spec is not None and spec.loader is not None
+            module = importlib.util.module_from_spec(spec)
+            sys.modules[name] = module
+            spec.loader.exec_module(module)
+        return sys.modules[name]
+
+
+def build(effects: Sequence[Effect]) -> Kernel:
+    """Kernel for these effects."""
+    return Kernel(tuple(effects))
+
+
+def _source(kernel: Kernel) -> str:
+    """Source text of the kernel: the effects' functions, then the template with one guarded call per effect."""
+    functions, calls = [], {"command": [], "gain": [], "torque": [], "friction": [], "sensor": []}
+    call = {
+        "command": "u = {f}(u, t, q, dq, w, p[{o}:{e}])",
+        "gain": "g *= {f}(t, q, dq, w, p[{o}:{e}])",
+        "torque": "r += {f}(t, q, dq, w, x, p[{o}:{e}])",
+        "friction": "level += {f}(t, q, dq, w, p[{o}:{e}])",
+        "sensor": "y += {f}(q, p[{o}:{e}])",
+    }
+    for column, effect in enumerate(kernel.effects):
+        if effect.slot == "structure":
+            continue
+        assert effect.function is not None, f"effect {effect.name} has no function"
+        name = f"_{effect.name}"
+        text = inspect.getsource(effect.function)
+        text = text.replace(f"def {effect.function.__name__}(", f"def {name}(", 1)
+        functions.append("@njit(cache=True, inline='always', error_model='numpy')\n" + text)
+        start = kernel.offsets[effect.name]
+        line = call[effect.slot].format(f=name, o=start, e=start + effect.size)
+        calls[effect.slot].append(f"    if on[{column}]:\n        {line}")
+    template = _TEMPLATE
+    for slot, lines in calls.items():
+        columns = [c for c, effect in enumerate(kernel.effects) if effect.slot == slot]
+        template = template.replace(f"    #{slot}#", "\n".join(lines) or "    pass")
+        template = template.replace(f"#any_{slot}#", " or ".join(f"on[{c}]" for c in columns) or "False")
+    constants = []
+    for effect_name, symbol in STRUCTURAL.items():
+        constants.append(f"{symbol} = {kernel.switches.get(effect_name, -1)}")
+        constants.append(f"{symbol}_P = {kernel.offsets.get(effect_name, 0)}")
+    head = '"""Generated from methods/kernel.py; do not edit."""\nimport math\nimport numpy as np\nfrom numba import njit, prange\n'
+    return head + "\n".join(constants) + "\n\n" + "\n\n".join(functions) + "\n" + template
+
+
+_TEMPLATE = '''
+INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE = range(8)
+Q, DQ, W, A, HEAT, QL, DQL = range(7)
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _command(u, t, q, dq, w, p, on):
+    #command#
+    return u
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _gain(t, q, dq, w, p, on):
+    g = 1.0
+    #gain#
+    return g
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _torque(t, q, dq, w, x, p, on):
+    r = 0.0
+    #torque#
+    return r
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _friction(t, q, dq, w, p, on):
+    level = 0.0
+    #friction#
+    return level
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _reading(q, p, on):
+    y = q
+    #sensor#
+    return y
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _held(cumulative, u, hold, s):
+    """Integral of the held command over samples, from 0 to s (in samples)."""
+    last = u.shape[0] - 1
+    if s <= 0.0:
+        return u[0] * s
+    k = int(s)
+    if k >= last:
+        return cumulative[last] + u[last] * (s - last)
+    f = s - k
+    if hold == 0:
+        return cumulative[k] + u[k] * f
+    return cumulative[k] + u[k] * f + 0.5 * (u[k + 1] - u[k]) * f * f
+
+
+@njit(cache=True, error_model='numpy')
+def _present(on, has):
+    """Which slots have any effect: command, gain, torque, friction."""
+    has[0] = #any_command#
+    has[1] = #any_gain#
+    has[2] = #any_torque#
+    has[3] = #any_friction#
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
+    """Motor and torques of one joint: (w, w', heat', torque on the inertia without dry friction, level of dry friction)."""
+    resistance = 1.0
+    heating = 0.0
+    if THERMAL >= 0 and on[THERMAL]:
+        resistance += heat
+    if p[ELECTRICAL] > 0.0:
+        change = (u - p[BACK_EMF] * dq - resistance * w) / p[ELECTRICAL]
+    else:
+        w = (u - p[BACK_EMF] * dq) / resistance
+        change = 0.0
+    if THERMAL >= 0 and on[THERMAL]:
+        heating = (p[THERMAL_P] * w * w / p[SQUARE] - heat) / p[THERMAL_P + 1]
+    r = w
+    if has[1]:
+        r *= _gain(t, q, dq, w, p, on)
+    r -= p[VISCOUS] * dq + p[LOAD] + load
+    if has[2]:
+        r -= _torque(t, q, dq, w, x, p, on)
+    if (p[GRAVITY_SINE] != 0.0 or p[GRAVITY_COSINE] != 0.0) and not coupled:
+        r -= p[GRAVITY_SINE] * math.sin(q_arm) + p[GRAVITY_COSINE] * math.cos(q_arm)
+    level = _friction(t, q, dq, w, p, on) if has[3] else 0.0
+    return w, change, heating, r, level
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _joined(t, q, dq, ql, dql, rhs, p, on):
+    """Accelerations of motor side and load side under the net torque rhs: (q'', q_l'', torque between the sides)."""
+    inertia = p[INERTIA]
+    if PAYLOAD >= 0 and on[PAYLOAD] and t >= p[PAYLOAD_P + 1]:
+        inertia += p[PAYLOAD_P]
+    if FLEX >= 0 and on[FLEX]:
+        F = (q - ql) / max(p[FLEX_P], 1e-12) + p[FLEX_P + 1] * (dq - dql)
+        return (rhs - F) / (inertia * (1.0 - p[FLEX_P + 2])), F / (inertia * p[FLEX_P + 2]), F
+    if PLAY >= 0 and on[PLAY]:
+        d = q - ql
+        half = 0.5 * p[PLAY_P]
+        F = 0.0
+        share = p[PLAY_P + 1]
+        if abs(d) > half:
+            stiffness = 1.0 / max(p[PLAY_P + 2], 1e-12)
+            damping = 0.6 * math.sqrt(stiffness * inertia * share * (1.0 - share))
+            F = stiffness * (d - math.copysign(half, d)) + damping * (dq - dql)
+            if F * d < 0.0:
+                F = 0.0
+        return (rhs - F) / (inertia * (1.0 - share)), F / (inertia * share), F
+    a = rhs / inertia
+    return a, a, 0.0
+
+
+@njit(cache=True, error_model='numpy')
+def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
+    """Time derivatives D of the states S (n, 7) at time t under the averaged amplifier command u (n,)."""
+    for j in range(n):
+        p = P[j]
+        q, dq = S[j, Q], S[j, DQ]
+        split = (FLEX >= 0 and on[j, FLEX]) or (PLAY >= 0 and on[j, PLAY])
+        w, D[j, W], D[j, HEAT], r, level[j] = _chain(
+            t, q, dq, S[j, W], S[j, HEAT], S[j, QL] if split else q, u[j], x[j], p, on[j], has[j],
+            bristle[j] + extra[j], pair and j < 2)
+        S[j, W] = w
+        rhs[j] = r - sign[j] * level[j]
+        D[j, Q] = dq
+        D[j, QL] = S[j, DQL]
+    for j in range(n):
+        if pair and j < 2:
+            continue
+        D[j, DQ], D[j, DQL], F = _joined(t, S[j, Q], S[j, DQ], S[j, QL], S[j, DQL], rhs[j], P[j], on[j])
+        rhs[j] -= F
+        if stuck[j]:
+            D[j, DQ] = 0.0
+            D[j, Q] = 0.0
+    if pair:
+        p1, p2, p3, s = P[0, INERTIA], P[1, INERTIA] / rigid[1], rigid[0], rigid[1]
+        if PAYLOAD >= 0:
+            if on[0, PAYLOAD] and t >= P[0, PAYLOAD_P + 1]:
+                p1 += P[0, PAYLOAD_P]
+            if on[1, PAYLOAD] and t >= P[1, PAYLOAD_P + 1]:
+                p2 += P[1, PAYLOAD_P] / s
+        q1, q2, d1, d2 = S[0, Q], S[1, Q], S[0, DQ], S[1, DQ]
+        c, z = math.cos(q2), math.sin(q2)
+        g2 = P[1, GRAVITY_SINE] * math.sin(q1 + q2) + P[1, GRAVITY_COSINE] * math.cos(q1 + q2)
+        g1 = P[0, GRAVITY_SINE] * math.sin(q1) + P[0, GRAVITY_COSINE] * math.cos(q1) + g2 / s
+        r1 = rhs[0] + p3 * z * (2.0 * d1 * d2 + d2 * d2) - g1
+        r2 = (rhs[1] - g2) / s - p3 * z * d1 * d1
+        m11, m12, m22 = p1 + p2 + 2.0 * p3 * c, p2 + p3 * c, p2
+        rhs[0] = r1
+        rhs[1] = r2 * s
+        if stuck[0] and stuck[1]:
+            D[0, DQ] = 0.0
+            D[1, DQ] = 0.0
+        elif stuck[0]:
+            D[0, DQ] = 0.0
+            D[1, DQ] = r2 / m22
+            rhs[0] = r1 - m12 * D[1, DQ]
+        elif stuck[1]:
+            D[1, DQ] = 0.0
+            D[0, DQ] = r1 / m11
+            rhs[1] = s * (r2 - m12 * D[0, DQ])
+        else:
+            det = m11 * m22 - m12 * m12
+            D[0, DQ] = (m22 * r1 - m12 * r2) / det
+            D[1, DQ] = (m11 * r2 - m12 * r1) / det
+        for j in range(2):
+            D[j, DQL] = D[j, DQ]
+            if stuck[j]:
+                D[j, Q] = 0.0
+
+
+@njit(cache=True, error_model='numpy')
+def _rates_stage(t, span, S, slope, B, D, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
+    """Rates D at S + span slope, by way of the buffer B."""
+    for j in range(n):
+        for m in range(7):
+            B[j, m] = S[j, m] + span * slope[j, m]
+    _rates(t + span, B, D, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on):
+    """Mean of the held, delayed command over substep i of sample k."""
+    shift = 0.0
+    if DELAY >= 0 and on[DELAY]:
+        shift = p[DELAY_P] / dt
+    if shift == 0.0 and hold == 0:
+        return u[k]
+    a = k + i / substeps - shift
+    return (_held(cumulative, u, hold, a + 1.0 / substeps) - _held(cumulative, u, hold, a)) * substeps
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _low_pass(v, state, h, time_constant):
+    """Exact first-order low-pass over a step with constant input: (mean output, state at the end)."""
+    T = max(time_constant, 1e-12)
+    decay = math.exp(-h / T)
+    return v + (state - v) * (1.0 - decay) * T / h, v + (state - v) * decay
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _bristle(z, dq, h, p):
+    """Exact flow of the bristle at constant velocity: (mean torque over the step, deflection at the end)."""
+    stiffness = 1.0 / max(p[BRISTLE_P + 1], 1e-12)
+    top = p[BRISTLE_P] / stiffness
+    if top <= 0.0 or dq == 0.0:
+        return stiffness * z, z
+    final = math.copysign(top, dq)
+    rate = abs(dq) * h / top
+    change = (final - z) * (1.0 - math.exp(-rate))
+    mean = final + (z - final) * (1.0 - math.exp(-rate)) / rate
+    return stiffness * mean + p[BRISTLE_P + 2] * change / h, z + change
+
+
+@njit(cache=True, error_model='numpy')
+def _crossing(start, first, total):
+    """Share of the step at which start + first s + (total - first) s^2 becomes zero (velocity within one step)."""
+    a, b = total - first, first
+    if abs(a) > 1e-12 * abs(b):
+        root = b * b - 4.0 * a * start
+        if root >= 0.0:
+            root = math.sqrt(root)
+            s = 2.0 * start / (-b + root) if b < 0.0 else 2.0 * start / (-b - root)
+            if 0.0 < s <= 1.0:
+                return s
+            s = 2.0 * start / (-b - root) if b < 0.0 else 2.0 * start / (-b + root)
+            if 0.0 < s <= 1.0:
+                return s
+    return start / (start - (start + total))
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
+def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak, rate_leak, substeps, out, motion):
+    """Simulate one log. y (T, n) readings; out (T, n) prediction errors; motion (T, n, 3): q, dq, w (or empty)."""
+    T, n = u.shape
+    S = np.zeros((n, 7)); D1 = np.zeros((n, 7)); D2 = np.zeros((n, 7)); D3 = np.zeros((n, 7)); D4 = np.zeros((n, 7))
+    B = np.zeros((n, 7))
+    sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n); raw = np.zeros(n)
+    bristle = np.zeros(n); z = np.zeros(n); extra = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
+    xs = np.zeros((n, 3))
+    keep = motion.shape[0] == T
+    with_x = x.shape[0] == T
+    with_extra = extra_in.shape[0] == T
+    dry = np.zeros(n, dtype=np.bool_)
+    has = np.zeros((n, 4), dtype=np.bool_)
+    for j in range(n):
+        _present(on[j], has[j])
+        S[j, Q] = start[j, 0]; S[j, DQ] = start[j, 1]; S[j, QL] = start[j, 0]; S[j, DQL] = start[j, 1]
+        S[j, A] = u[0, j]
+        S[j, W] = start[j, 2]
+    t0 = t[0]
+    for k in range(T):
+        for j in range(n):
+            e = y[k, j] - _reading(S[j, Q], P[j], on[j])
+            out[k, j] = e
+            if keep:
+                motion[k, j, 0] = S[j, Q]; motion[k, j, 1] = S[j, DQ]; motion[k, j, 2] = S[j, W]
+        if k == T - 1:
+            break
+        dt = t[k + 1] - t[k]
+        if leak > 0.0:
+            pull = 1.0 - math.exp(-leak * dt)
+            for j in range(n):
+                S[j, Q] += pull * out[k, j]
+                S[j, QL] += pull * out[k, j]
+                if rate_leak > 0.0 and not stuck[j]:
+                    S[j, DQ] += rate_leak * dt * out[k, j]
+                    S[j, DQL] += rate_leak * dt * out[k, j]
+        for j in range(n):
+            if with_x:
+                xs[j, 0] = x[k, j, 0]; xs[j, 1] = x[k, j, 1]; xs[j, 2] = x[k, j, 2]
+            if with_extra:
+                extra[j] = extra_in[k, j]
+        h = dt / substeps
+        for i in range(substeps):
+            now = t[k] - t0 + i * h
+            for j in range(n):
+                p = P[j]
+                v = _amplifier(k, i, substeps, dt, hold[j], u[:, j], cumulative[:, j], p, on[j])
+                if has[j, 0]:
+                    v = _command(v, now, S[j, Q], S[j, DQ], S[j, W], p, on[j])
+                if LAG >= 0 and on[j, LAG]:
+                    v, S[j, A] = _low_pass(v, S[j, A], h, p[LAG_P])
+                c[j] = v
+                bristle[j] = 0.0
+                if BRISTLE >= 0 and on[j, BRISTLE]:
+                    bristle[j], z[j] = _bristle(z[j], S[j, DQ], h, p)
+            # friction by events: a joint that would reverse stops inside the step; the rest is integrated anew
+            left, begin, events = h, now, 0
+            while left > 0.0:
+                span = left
+                for j in range(n):
+                    stuck[j] = False
+                    dq = S[j, DQ]
+                    sign[j] = 1.0 if dq > 0.0 else (-1.0 if dq < 0.0 else 0.0)
+                _rates(begin, S, D1, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                again = False
+                for j in range(n):
+                    dry[j] = level[j] > 0.0
+                    if dry[j] and sign[j] == 0.0:
+                        again = True
+                        if abs(rhs[j]) <= level[j]:
+                            stuck[j] = True
+                        else:
+                            sign[j] = 1.0 if rhs[j] > 0.0 else -1.0
+                if again:
+                    _rates(begin, S, D1, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                stopped = -1
+                for attempt in range(2):
+                    _rates_stage(begin, 0.5 * span, S, D1, B, D2, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                    _rates_stage(begin, 0.5 * span, S, D2, B, D3, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                    _rates_stage(begin, span, S, D3, B, D4, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                    if attempt == 1 or events >= 6:
+                        break
+                    share = 1.0
+                    for j in range(n):
+                        if dry[j] and not stuck[j] and S[j, DQ] != 0.0:
+                            gain1 = span * D1[j, DQ]
+                            total = span / 6.0 * (D1[j, DQ] + 2.0 * D2[j, DQ] + 2.0 * D3[j, DQ] + D4[j, DQ])
+                            if (S[j, DQ] + total) * S[j, DQ] < 0.0:
+                                part = _crossing(S[j, DQ], gain1, total)
+                                if part < share:
+                                    share = part
+                                    stopped = j
+                    if stopped < 0:
+                        break
+                    span *= share
+                for j in range(n):
+                    for m in range(7):
+                        if m == A or (m == W and P[j, ELECTRICAL] <= 0.0):
+                            continue
+                        S[j, m] += span / 6.0 * (D1[j, m] + 2.0 * D2[j, m] + 2.0 * D3[j, m] + D4[j, m])
+                    if P[j, ELECTRICAL] <= 0.0:
+                        S[j, W] = B[j, W]
+                if stopped >= 0:
+                    S[stopped, DQ] = 0.0
+                    events += 1
+                    if events >= 6:
+                        break
+                    begin += span
+                    left -= span
+                else:
+                    break
+            if not math.isfinite(S[0, Q]) or abs(S[0, DQ]) > 1e9:
+                for kk in range(k + 1, T):
+                    for j in range(n):
+                        out[kk, j] = 1e6
+                return
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _rates_one(t, q, dq, w, heat, ql, dql, u, x, sign, stuck, p, on, has, load):
+    """Scalar twin of _rates for one joint: (w, w', heat', q'', q_l'', torque less dry friction, level)."""
+    split = (FLEX >= 0 and on[FLEX]) or (PLAY >= 0 and on[PLAY])
+    w, change, heating, r, level = _chain(t, q, dq, w, heat, ql if split else q, u, x, p, on, has, load, False)
+    rhs = r - sign * level
+    a, al, F = _joined(t, q, dq, ql, dql, rhs, p, on)
+    if stuck:
+        a = 0.0
+    return w, change, heating, a, al, rhs - F, level
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
+def run_one(t, u, cumulative, hold, y, x, extra_in, start, p, on, leak, rate_leak, substeps, out):
+    """`run` for a single joint with its states in registers. u, y (T,); x (T, 3) or (0, 3); out (T,)."""
+    T = u.shape[0]
+    has = np.zeros(4, dtype=np.bool_)
+    _present(on, has)
+    q, dq, w, lag, heat, ql, dql, z = start[0], start[1], start[2], u[0], 0.0, start[0], start[1], 0.0
+    split = (FLEX >= 0 and on[FLEX]) or (PLAY >= 0 and on[PLAY])
+    with_x, with_extra = x.shape[0] == T, extra_in.shape[0] == T
+    none = np.zeros(3)
+    t0 = t[0]
+    for k in range(T):
+        e = y[k] - _reading(q, p, on)
+        out[k] = e
+        if k == T - 1:
+            break
+        dt = t[k + 1] - t[k]
+        if leak > 0.0:
+            pull = 1.0 - math.exp(-leak * dt)
+            q += pull * e
+            ql += pull * e
+            if rate_leak > 0.0 and dq != 0.0:
+                dq += rate_leak * dt * e
+                dql += rate_leak * dt * e
+        xs = x[k] if with_x else none
+        disturbance = extra_in[k] if with_extra else 0.0
+        h = dt / substeps
+        for i in range(substeps):
+            begin = t[k] - t0 + i * h
+            v = _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on)
+            if has[0]:
+                v = _command(v, begin, q, dq, w, p, on)
+            if LAG >= 0 and on[LAG]:
+                v, lag = _low_pass(v, lag, h, p[LAG_P])
+            load = disturbance
+            if BRISTLE >= 0 and on[BRISTLE]:
+                torque, z = _bristle(z, dq, h, p)
+                load += torque
+            left = h
+            for event in range(7):
+                span = left
+                stuck = False
+                sign = 1.0 if dq > 0.0 else (-1.0 if dq < 0.0 else 0.0)
+                w, w1, h1, a1, b1, rhs, level = _rates_one(
+                    begin, q, dq, w, heat, ql, dql, v, xs, sign, False, p, on, has, load)
+                dry = level > 0.0
+                if dry and sign == 0.0:
+                    if abs(rhs) <= level:
+                        stuck = True
+                    else:
+                        sign = 1.0 if rhs > 0.0 else -1.0
+                    w, w1, h1, a1, b1, rhs, level = _rates_one(
+                        begin, q, dq, w, heat, ql, dql, v, xs, sign, stuck, p, on, has, load)
+                stopped = False
+                for attempt in range(2):
+                    half = 0.5 * span
+                    d2, e2 = dq + half * a1, dql + half * b1
+                    wb, w2, h2, a2, b2, rhs, level = _rates_one(
+                        begin + half, q + half * dq, d2, w + half * w1, heat + half * h1, ql + half * dql, e2,
+                        v, xs, sign, stuck, p, on, has, load)
+                    d3, e3 = dq + half * a2, dql + half * b2
+                    wb, w3, h3, a3, b3, rhs, level = _rates_one(
+                        begin + half, q + half * d2, d3, w + half * w2, heat + half * h2, ql + half * e2, e3,
+                        v, xs, sign, stuck, p, on, has, load)
+                    d4, e4 = dq + span * a3, dql + span * b3
+                    wb, w4, h4, a4, b4, rhs, level = _rates_one(
+                        begin + span, q + span * d3, d4, w + span * w3, heat + span * h3, ql + span * e3, e4,
+                        v, xs, sign, stuck, p, on, has, load)
+                    total = span / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+                    if attempt == 1 or event == 6 or not dry or stuck or dq == 0.0 or (dq + total) * dq >= 0.0:
+                        break
+                    span *= _crossing(dq, span * a1, total)
+                    stopped = True
+                if not stuck:
+                    q += span / 6.0 * (dq + 2.0 * d2 + 2.0 * d3 + d4)
+                    dq += span / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+                if p[ELECTRICAL] > 0.0:
+                    w += span / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4)
+                else:
+                    w = wb
+                heat += span / 6.0 * (h1 + 2.0 * h2 + 2.0 * h3 + h4)
+                if split:
+                    ql += span / 6.0 * (dql + 2.0 * e2 + 2.0 * e3 + e4)
+                    dql += span / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
+                else:
+                    ql, dql = q, dq
+                if not stopped:
+                    break
+                dq = 0.0
+                begin += span
+                left -= span
+                if left <= 0.0:
+                    break
+        if not abs(dq) < 1e9:
+            for kk in range(k + 1, T):
+                out[kk] = 1e6
+            return
+
+
+@njit(cache=True, parallel=True, error_model='numpy')
+def batch(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out):
+    """Every candidate (first axis of P and starts) on every log (bounds (L + 1,)). out (C, T, n)."""
+    candidates = P.shape[0]
+    logs = bounds.shape[0] - 1
+    empty = np.zeros((0, u.shape[1], 3))
+    for task in prange(candidates * logs):
+        b, l = task // logs, task % logs
+        lo, hi = bounds[l], bounds[l + 1]
+        if u.shape[1] == 1:
+            xo = x[lo:hi, 0] if x.shape[0] > 0 else np.zeros((0, 3))
+            eo = extra[b, lo:hi, 0] if extra.shape[0] > 0 else np.zeros(0)
+            run_one(t[lo:hi], u[lo:hi, 0], cumulative[lo:hi, 0], hold[0], y[lo:hi, 0], xo, eo, starts[b, l, 0], P[b, l, 0],
+                    on[b, 0], leak, rate_leak, substeps, out[b, lo:hi, 0])
+            continue
+        xl = x[lo:hi] if x.shape[0] > 0 else x
+        el = extra[b, lo:hi] if extra.shape[0] > 0 else np.zeros((0, u.shape[1]))
+        run(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], xl, el, starts[b, l], P[b, l], on[b],
+            pair, rigid[b], leak, rate_leak, substeps, out[b, lo:hi], empty)
+'''

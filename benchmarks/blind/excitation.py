@@ -38,7 +38,8 @@ def shape(form: str, time: Array, rng: Rng) -> Array:
         growth = math.log(high / low)
         return fade * np.sin(2 * np.pi * low * duration / growth * np.expm1(growth * time / duration))
     if form in ("multisine", "injection"):
-        lines = rng.choice(np.arange(3, int(log_uniform(rng, 3.0, 12.0) * duration)), int(rng.integers(8, 30)), False)
+        offered = np.arange(3, int(log_uniform(rng, 3.0, 12.0) * duration))
+        lines = rng.choice(offered, min(int(rng.integers(8, 30)), len(offered)), replace=False)
         weight = lines ** -rng.uniform(0.0, 0.5)
         waves = np.sin(2 * np.pi * np.outer(time, lines / duration) + rng.uniform(0, 2 * np.pi, len(lines)))
         signal = waves @ weight

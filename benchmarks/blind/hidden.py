@@ -85,13 +85,13 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Draw:
-    """What a drawing rule sees. `size(low, high)` is the relative magnitude, lowered for weak effects."""
+    """What a drawing rule sees. `size(low, high)` is the relative magnitude; strength 1 goes from mild to strong."""
 
     rng: Rng
     machine: Machine
     index: int
     scales: Scales
-    weak: bool
+    strength: float = 1.0
 
     @property
     def joint(self) -> Joint:
@@ -102,7 +102,11 @@ class Draw:
         return self.machine.unit == "rad"
 
     def size(self, low: float, high: float) -> float:
-        return log_uniform(self.rng, low / 30.0, low) if self.weak else log_uniform(self.rng, low, high)
+        return self.strength * log_uniform(self.rng, low, high)
+
+    def least(self, bound: float) -> float:
+        """A lower bound that keeps a mild effect above the sensor's resolution; a weak one may go below."""
+        return min(self.strength, 1.0) * bound
 
     def sign(self) -> float:
         return float(self.rng.choice([-1.0, 1.0]))
@@ -189,7 +193,7 @@ def dead_zone(d: Draw) -> Hidden:
 
 @_offers(VOCABULARY)
 def voltage_saturation(d: Draw) -> Hidden:
-    level = d.scales.command_peak * (d.rng.uniform(0.9, 0.99) if d.weak else d.rng.uniform(0.45, 0.85))
+    level = d.scales.command_peak * (1.0 - min(d.size(0.15, 0.55), 0.8))
     law = d.law(Limit)
     changes = {"saturation": level, "saturation_law": law}
     return Hidden("voltage_saturation", changes, {"voltage": d.command(level)}, law.name)
@@ -315,8 +319,9 @@ def _shaft_parameters(d: Draw, changes: dict[str, Any]) -> dict[str, Parameter]:
 def joint_flexibility(d: Draw) -> Hidden:
     nyquist = 0.5 / d.machine.sample_time
     slowest = max(4.0, 0.6 * d.machine.bandwidth[1] / (2 * math.pi) * 3.0)
-    lowest, highest = (slowest, min(40.0, 0.3 * nyquist)) if not d.weak else (min(30.0, 0.3 * nyquist), 120.0)
-    changes = _two_bodies(d, min(lowest, 0.9 * highest), highest)
+    highest = min(40.0, 0.3 * nyquist)
+    stiffer = min(1.0 / math.sqrt(d.strength), 15.0)  # deflections go with the square of the period
+    changes = _two_bodies(d, stiffer * min(slowest, 0.9 * highest), stiffer * highest)
     changes["encoder_side"] = d.law(Side, 0.85)
     law = f"encoder on {changes['encoder_side'].name.lower()} side"
     return Hidden("joint_flexibility", changes, _shaft_parameters(d, changes), law)
@@ -326,8 +331,7 @@ def joint_flexibility(d: Draw) -> Hidden:
 def backlash(d: Draw) -> Hidden:
     nyquist = 0.5 / d.machine.sample_time
     changes = _two_bodies(d, min(20.0, 0.3 * nyquist), min(80.0, 0.6 * nyquist))
-    least = 4.0 * d.joint.encoder_step / max(min(d.scales.range, 3.0), 1e-9)
-    gap = max(d.size(0.0015, 0.02), 0.0 if d.weak else least) * min(d.scales.range, 3.0)
+    gap = max(d.size(0.0015, 0.02) * min(d.scales.range, 3.0), d.least(4.0 * d.joint.encoder_step))
     changes["gap"] = gap
     changes["shaft_law"] = law = d.law(Shaft, 0.5)
     # the torque scale is reached at this compression
@@ -519,8 +523,7 @@ def collision(d: Draw) -> Hidden:
 
 @_offers(VOCABULARY, _rotary)
 def encoder_eccentricity(d: Draw) -> Hidden:
-    least = 3.0 * d.joint.encoder_step
-    amplitude, phase = max(d.size(3e-4, 6e-3), 0.3 * least if d.weak else least), d.phase()
+    amplitude, phase = max(d.size(3e-4, 6e-3), d.least(3.0 * d.joint.encoder_step)), d.phase()
     return Hidden(
         "encoder_eccentricity",
         {"eccentricity": amplitude, "eccentricity_phase": phase},
@@ -531,8 +534,7 @@ def encoder_eccentricity(d: Draw) -> Hidden:
 @_offers(VOCABULARY)
 def timestamp_jitter(d: Draw) -> Hidden:
     visible = d.joint.encoder_step / max(d.scales.speed, 1e-9)
-    rms = min(max(d.size(0.04, 0.3) * d.machine.sample_time, 0.3 * visible if d.weak else visible),
-              0.35 * d.machine.sample_time)  # fmt: skip
+    rms = min(max(d.size(0.04, 0.3) * d.machine.sample_time, d.least(visible)), 0.35 * d.machine.sample_time)
     stamped = float(d.rng.random() < 0.3)
     return Hidden(
         "timestamp_jitter",

@@ -140,14 +140,31 @@ def _attempt(
     experiments = _experiments(machine, duration, train, rng)
     quiet = [run_quietly(machine, machine.joints, experiment) for experiment in experiments[:train]]
     scales = [_scales(machine, index, quiet, duration) for index in range(len(machine.joints))]
+    if kind == Kind.WEAK:
+        return _steered(seed, machine, names, experiments, scales, rng)
     for _ in range(6):
-        trial = _hide(seed, kind, machine, names, experiments, scales, rng)
-        if trial is None:
-            continue
-        seen = [effect.visibility for effect in trial.truth.effects]
-        low, high = EDGE if kind == Kind.WEAK else (VISIBLE, math.inf)
-        if all(low <= value <= high for value in seen):
+        trial = _hide(seed, kind, machine, names, experiments, scales, 1.0, rng)
+        if trial is not None and all(effect.visibility >= VISIBLE for effect in trial.truth.effects):
             return trial
+    return None
+
+
+def _steered(
+    seed: int, machine: Machine, names: tuple[str, ...], experiments: list[Experiment], scales: list[Scales], rng: Rng
+) -> Trial | None:
+    """A weak effect: one draw, whose strength is steered to a visibility drawn log-uniformly from EDGE."""
+    target, strength, draw = log_uniform(rng, *EDGE), 0.01, int(rng.integers(2**62))
+    for _ in range(8):
+        again = np.random.default_rng(draw)
+        trial = _hide(seed, Kind.WEAK, machine, names, experiments, scales, strength, again)
+        if trial is None:
+            return None
+        seen = trial.truth.effects[0].visibility
+        if 0.6 * target <= seen <= 1.6 * target and EDGE[0] <= seen <= EDGE[1]:
+            return trial
+        strength *= min(max(target / max(seen, 1e-9), 0.02), 50.0)
+        if not 1e-9 < strength < 10.0:
+            return None
     return None
 
 
@@ -158,6 +175,7 @@ def _hide(
     names: tuple[str, ...],
     experiments: list[Experiment],
     scales: list[Scales],
+    strength: float,
     rng: Rng,
 ) -> Trial | None:
     """One draw of effects and the recordings with them; None when a recording fails."""
@@ -165,7 +183,7 @@ def _hide(
     effects = []
     for name in names:
         index = int(rng.integers(len(machine.joints)))
-        draw = Draw(rng, machine, index, scales[index], kind == Kind.WEAK)
+        draw = Draw(rng, machine, index, scales[index], strength)
         effects.append(TrueEffect(machine.numbers[index], table[name][0](draw)))
     train = len(experiments) - 1
     joints = _joints_with(machine, effects)

@@ -663,13 +663,15 @@ def _at_rest(angle: Array) -> NDArray[np.void]:
 
 @njit(cache=True)
 def _half_winding(p, s, e, dt):
-    """Lag, then winding; the winding sees the lag's mean over dt."""
+    """Lag, then winding. A winding sees the lag's mean over dt, a current without inertia the lag's value after dt."""
     mean = e
     if p.lag > 0.0:
         x = dt / p.lag
         gone = -math.expm1(-x)
         mean = e + (s.lag - e) * gone / x
         s.lag += (e - s.lag) * gone
+        if p.drive != Drive.VOLTAGE or p.inductance <= 0.0:
+            mean = s.lag
     w = s.motor_speed if p.elastic == 1 else s.speed
     s.current = _winding(p, s.current, mean, s.motor_angle, w, s.heat, dt)
 

@@ -51,7 +51,6 @@ def dress_scara(spec: mujoco.MjSpec, length_1: float, length_2: float) -> None:
 
 def _add_surroundings(spec: mujoco.MjSpec) -> None:
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.42] * 3, [0.38] * 3
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     spec.visual.quality.shadowsize = 4096
     spec.add_texture(
         name="sky",

@@ -1,78 +1,73 @@
 """Pictures of a robot without a screen.
 
-MuJoCo draws through OpenGL. Unless ``MUJOCO_GL`` chooses, EGL is tried first and OSMesa second, each in a process of
-its own, since a failed attempt spoils the process for the other.
+MuJoCo draws through OpenGL in a process of its own (`envs.rendering_process`): software drivers bring a compiler that
+crashes together with those of numba and torch, and a backend that failed spoils its process for the next one. Unless
+``MUJOCO_GL`` chooses, EGL is tried first and OSMesa second.
 """
 
 from __future__ import annotations
 
 import os
+import pickle
 import platform
 import subprocess
 import sys
-from collections.abc import Callable
-from functools import cache
-from typing import Any
+import weakref
+from pathlib import Path
+from typing import IO, cast
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.appearance import CAMERA
 from envs.log import Array
-from envs.mjcf import robot_spec
 from envs.robot import Robot
 
 Image = NDArray[np.uint8]
 
-_PROBE = "from mujoco.{0} import GLContext; GLContext(8, 8).make_current()"
+_ROOT = str(Path(__file__).resolve().parents[1])
 
 
 class RenderingError(RuntimeError):
-    """No picture can be drawn on this machine; the message says what to install."""
+    """No picture can be drawn on this machine; the message says why and what to install."""
 
 
 class RobotRenderer:
-    """Draws one robot in any pose. Free the graphics memory by `close`.
+    """Draws one robot in any pose; end its process by `close`.
+
+    robot: what is drawn. width, height: of the picture [pixels]. camera: a name in the robot's model; None is the one
+    that shows the entire AdeptOne, or MuJoCo's free camera where the model has no such camera.
 
     Raises RenderingError when the machine has no OpenGL.
     """
 
-    def __init__(self, robot: Robot, *, width: int = 640, height: int = 480, camera: str = CAMERA):
-        self._model = robot_spec(robot).compile()
-        self._data = mujoco.MjData(self._model)
-        self._columns = [int(self._model.joint(joint.name).qposadr[0]) for joint in robot.joints]
-        self._rectangle = mujoco.MjrRect(0, 0, width, height)
-        self._camera = mujoco.MjvCamera()
-        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        self._camera.fixedcamid = self._model.camera(camera).id
-        self._option = mujoco.MjvOption()
-        self._scene = mujoco.MjvScene(self._model, maxgeom=1000)
-        self._graphics = _graphics_context()(width, height)
-        self._graphics.make_current()
-        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_resizeOffscreen(width, height, self._context)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+    def __init__(self, robot: Robot, *, width: int = 640, height: int = 480, camera: str | None = None):
+        self._shape = (height, width, 3)
+        order = pickle.dumps((robot, width, height, camera))
+        reasons = []
+        for backend in _backends():
+            process, reason = _start(order, backend)
+            if process is not None:
+                self._process = process
+                self.close = weakref.finalize(self, _stop, process)
+                """Ends the drawing process; further calls do nothing."""
+                return
+            reasons.append(f"{backend}: {reason}")
+        raise RenderingError(
+            f"no picture ({'; '.join(reasons)}). Install libegl1 or libosmesa6, or choose by MUJOCO_GL"
+        )
 
     def render(self, position: Array) -> Image:
         """The robot at joint coordinates `position`, shape (n,), as an RGB picture, shape (height, width, 3)."""
-        self._graphics.make_current()
-        self._data.qpos[self._columns] = position
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_camlight(self._model, self._data)
-        mujoco.mjv_updateScene(
-            self._model, self._data, self._option, None, self._camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene
-        )
-        mujoco.mjr_render(self._rectangle, self._scene, self._context)
-        picture = np.empty((self._rectangle.height, self._rectangle.width, 3), dtype=np.uint8)
-        mujoco.mjr_readPixels(picture, None, self._rectangle, self._context)
-        return np.ascontiguousarray(picture[::-1])
-
-    def close(self) -> None:
-        """Frees the graphics memory."""
-        self._graphics.make_current()
-        self._context.free()
-        self._graphics.free()
+        request, reply = cast(IO[bytes], self._process.stdin), cast(IO[bytes], self._process.stdout)
+        try:
+            request.write(np.asarray(position, dtype=np.float64).tobytes())
+            request.flush()
+            pixels = reply.read(int(np.prod(self._shape)))
+        except (BrokenPipeError, ValueError):
+            pixels = b""
+        if len(pixels) != np.prod(self._shape):
+            raise RenderingError("the drawing process has ended. Make a new renderer")
+        return np.frombuffer(pixels, dtype=np.uint8).reshape(self._shape)
 
 
 def render_robot(robot: Robot, position: Array, *, width: int = 640, height: int = 480) -> Image:
@@ -84,27 +79,41 @@ def render_robot(robot: Robot, position: Array, *, width: int = 640, height: int
         renderer.close()
 
 
-@cache
-def _graphics_context() -> Callable[[int, int], Any]:
-    if platform.system() != "Linux":
-        return mujoco.GLContext
-    chosen = os.environ.get("MUJOCO_GL", "").lower()
-    if chosen == "osmesa" or (chosen != "egl" and not _draws("egl")):
-        if not _draws("osmesa"):
-            raise RenderingError("no OpenGL on this machine. Install libegl1 or libosmesa6, or choose by MUJOCO_GL")
-        os.environ["PYOPENGL_PLATFORM"] = "osmesa"
-        from mujoco.osmesa import GLContext
-
-        return GLContext
-    from mujoco.egl import GLContext
-
-    return GLContext
+def _backends() -> tuple[str, ...]:
+    chosen = os.environ.get("MUJOCO_GL")
+    if chosen:
+        return (chosen,)
+    return ("egl", "osmesa") if platform.system() == "Linux" else ("glfw",)
 
 
-def _draws(backend: str) -> bool:
-    """Whether a backend gives a context; tried in another process."""
-    environment = {**os.environ, "MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend}
-    attempt = subprocess.run(
-        [sys.executable, "-c", _PROBE.format(backend)], env=environment, capture_output=True, timeout=60, check=False
+def _start(order: bytes, backend: str) -> tuple[subprocess.Popen[bytes] | None, str]:
+    """A process that is ready to draw, or None and the reason."""
+    path = os.pathsep.join([_ROOT, *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "MUJOCO_GL": backend, "PYTHONPATH": path}
+    environment.pop("PYOPENGL_PLATFORM", None)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "envs.rendering_process"],
+        env=environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
     )
-    return attempt.returncode == 0
+    request, reply = cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)
+    try:
+        request.write(order)
+        request.flush()
+        reason = pickle.load(reply)
+    except (BrokenPipeError, EOFError, pickle.UnpicklingError):
+        reason = "the drawing process died"
+    if reason is None:
+        return process, ""
+    _stop(process)
+    return None, str(reason)
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    # The process ends when its standard input does.
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            stream.close()
+    process.wait()

@@ -36,12 +36,12 @@ STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity [m/s^2] (CGPM 1901)."""
 
 
-def planar_inertia(cos2, p1, p2, p3, yaw):  # type: ignore[no-untyped-def]
+def planar_inertia(cos2, p1, p2, p3, yaw):
     """M11, M12, M22 [kg m^2]; the other elements are constants."""
     return p1 + p2 + 2.0 * p3 * cos2 + yaw, p2 + p3 * cos2 + yaw, p2 + yaw
 
 
-def planar_bias(sin2, velocity1, velocity2, p3):  # type: ignore[no-untyped-def]
+def planar_bias(sin2, velocity1, velocity2, p3):
     """b1, b2 [N m]: Coriolis and centrifugal torques."""
     return -p3 * sin2 * (2.0 * velocity1 + velocity2) * velocity2, p3 * sin2 * velocity1 * velocity1
 

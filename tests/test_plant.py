@@ -144,6 +144,16 @@ def test_same_seed_same_bits_other_seed_others():
     assert first.truth == again.truth
 
 
+def test_running_in_pieces_is_running():
+    effects = ("input_delay=0.0103", "amplifier_lag=0.01", "collision=torque:9,time:0.3", "presliding_friction=3")
+    plant = Plant(ROBOT, tuple(parse_effect(item) for item in effects), IDEAL, AmplifierNoise(0.1))
+    wanted = Multisine(amplitude=0.7, band=(0.5, 8.0)).sample(np.arange(600) * 1e-3, np.random.default_rng(0))
+    whole, pieces = (plant.simulate((1,), np.random.default_rng(0), pose=POSE) for _ in range(2))
+    _, seen = whole.run(wanted)
+    parts = [pieces.run(part)[1].position for part in np.split(wanted, [1, 2, 250, 251])]
+    assert np.array_equal(np.concatenate(parts), seen.position)
+
+
 def test_brakes_hold_and_their_pose_matters():
     """Joint 1 turns the inertia of the pose that joint 2 is held in: p1 + p2 + 2 p3 cos q2 (+ yaw)."""
     speeds = []
@@ -188,7 +198,7 @@ def test_converter_and_encoder_quantise():
 
 def test_amplifier_noise_moves_the_arm_but_not_the_log():
     noise, step = AmplifierNoise(rms=0.3, correlation_time=0.05), 1e-3
-    sample = noise.sample(200_000, 1, step, np.random.default_rng(0))[:, 0]
+    sample = noise.sample(np.zeros(1), 200_000, step, np.random.default_rng(0))[:, 0]
     assert sample.std() == pytest.approx(0.3, rel=0.05)
     assert np.corrcoef(sample[:-50], sample[50:])[0, 1] == pytest.approx(math.exp(-1.0), abs=0.05)
     plant = Plant(ROBOT, (), IDEAL, noise)
@@ -816,7 +826,9 @@ def test_truth_stands_beside_the_log_and_never_in_it(tmp_path):
     truth = json.loads(truth_path(path).read_text())
     torque = truth["effects"][0]["parameters"]["torque"]
     assert torque == {"value": 7.25, "unit": "N m"}
-    assert truth["effects"][1]["parameters"]["damping"]["value"] > 0.0  # derived by the plant
+    damping = truth["effects"][1]["parameters"]["damping"]
+    assert damping["value"] > 0.0  # derived by the plant
+    assert damping["unit"] == "N m s/rad"
     assert truth["log_hash"] == recording.log.content_hash
     read = load(path)
     assert read.position == pytest.approx(recording.log.position)

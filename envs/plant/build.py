@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from envs.log import Array
 from envs.mjcf import robot_spec
-from envs.plant.effects.base import Effect, EffectError
+from envs.plant.effects.base import Effect, EffectError, unit_of
 from envs.plant.sensors import Sensors
 from envs.plant.servo import PositionServo
 from envs.plant.tables import (
@@ -113,7 +114,7 @@ class Build:
         self.servos = np.zeros(len(free), SERVO)
         self.shafts: dict[int, Shaft] = {}
         self.extra_inertia: dict[int, float] = {}
-        self.derived: dict[int, dict[str, float]] = {}
+        self.derived: dict[int, dict[str, dict[str, Any]]] = {}
         self._terms: list[tuple[int, int, float, float, float]] = []
         self._couplings: list[tuple[int, int, int, float]] = []
         self._bristles: dict[int, tuple[float, float, float]] = {}
@@ -267,9 +268,11 @@ class Build:
         """The joint that carries the arm, to be given springs and drag. To be called before `finish`."""
         return self.spec.joint(self.joint_of(effect).name)
 
-    def note(self, effect: Effect, values: dict[str, float]) -> None:
-        """Numbers that were derived from the robot, for the truth."""
-        self.derived[id(effect)] = values
+    def note(self, effect: Effect, name: str, dimension: str, value: float) -> None:
+        """A number of the effect that was derived from the robot, for the truth."""
+        joint = self.robot.joint(effect.joint)
+        unit = unit_of(dimension, joint.kind, joint.drive.command)
+        self.derived.setdefault(id(effect), {})[name] = {"value": value, "unit": unit}
 
     def add_servo(self, servo: PositionServo, feed: Array) -> None:
         """A position servo on top of the commands `feed` (n,), which hold the pose."""

@@ -139,11 +139,11 @@ def _heat_winding(world, drives):
 @njit(cache=True)
 def _delayed(commands, column, row, fraction, width, delay):
     """Mean of the held command over [fraction, fraction + width] samples after `row`, `delay` samples earlier."""
-    start = row + fraction - delay
+    start = fraction - delay
     first = math.floor(start + 1e-9)
     edge = min(max(first + 1.0 - start, 0.0), width)
-    early = commands[max(int(first), 0), column]
-    late = commands[max(int(min(first + 1, row)), 0), column]
+    early = commands[max(row + int(first), 0), column]
+    late = commands[max(row + min(int(first) + 1, 0), 0), column]
     return (edge * early + (width - edge) * late) / width
 
 

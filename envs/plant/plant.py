@@ -262,8 +262,7 @@ class Plant:
         effects = []
         for effect in self.effects:
             entry = effect.describe(build.robot)
-            for name, value in build.derived.get(id(effect), {}).items():
-                entry["parameters"].setdefault(name, {"unit": ""})["value"] = value
+            entry["parameters"].update(build.derived.get(id(effect), {}))
             effects.append(entry)
         joints = {}
         for column, number in enumerate(build.free):

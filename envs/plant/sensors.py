@@ -43,14 +43,19 @@ class AmplifierNoise:
     rms: float = 0.0
     correlation_time: float = 0.02
 
-    def sample(self, count: int, channels: int, step: float, rng: np.random.Generator) -> Array:
-        """Stationary noise, shape (count, channels), held over steps of `step` [s]; empty (0, channels) without noise.
+    def start(self, channels: int, rng: np.random.Generator) -> Array:
+        """A stationary first value, shape (channels,) [command unit]."""
+        return self.rms * rng.standard_normal(channels)
+
+    def sample(self, before: Array, count: int, step: float, rng: np.random.Generator) -> Array:
+        """What follows on `before` (channels,), shape (count, channels), held over steps of `step` [s]; (0, channels)
+        without noise.
 
         x[k] = a x[k-1] + rms sqrt(1 - a^2) e[k], a = exp(-step / correlation_time), exact for the process.
         """
         if self.rms == 0.0:
-            return np.zeros((0, channels))
+            return np.zeros((0, len(before)))
         keep = math.exp(-step / self.correlation_time) if self.correlation_time > 0.0 else 0.0
-        drive = self.rms * math.sqrt(1.0 - keep**2) * rng.standard_normal((count, channels))
-        drive[0] = self.rms * rng.standard_normal(channels)
-        return scipy.signal.lfilter([1.0], [1.0, -keep], drive, axis=0)
+        drive = self.rms * math.sqrt(1.0 - keep**2) * rng.standard_normal((count, len(before)))
+        values, _ = scipy.signal.lfilter([1.0], [1.0, -keep], drive, axis=0, zi=keep * before[None, :])
+        return np.asarray(values)

@@ -35,6 +35,7 @@ class Simulation:
         self.build, self.free = build, build.free
         self._sensors, self._noise, self._hold = build.sensors, noise, hold
         self._noise_rng, self._sensor_rng = rng.spawn(2)
+        self._disturbance = noise.start(len(build.free), self._noise_rng)
         self._construction: Construction = build.finish(longest_step)
         tables, world = self._construction.tables, self._construction.world
         size, width = len(self.free), max(len(world.velocity), len(world.activation), len(self.free), 1)
@@ -68,6 +69,9 @@ class Simulation:
         sample_at = np.arange(count) * float(substeps)
         if late is not None:
             sample_at = np.maximum(sample_at + late / step, 0.0)
+        disturbance = self._noise.sample(self._disturbance, count * substeps, step, self._noise_rng)
+        if len(disturbance):
+            self._disturbance = disturbance[-1]
         traces = Traces(*(np.zeros((count, len(self.free))) for _ in Traces._fields))
         advance(
             _forward(),
@@ -77,7 +81,7 @@ class Simulation:
             traces,
             buffer,
             reference,
-            self._noise.sample(count * substeps, len(self.free), step, self._noise_rng),
+            disturbance,
             sample_at,
             substeps,
             step,

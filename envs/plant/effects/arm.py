@@ -64,7 +64,8 @@ class PreslidingFriction(Effect):
         stiffness = self.torque / 1e-3 if self.stiffness is None else self.stiffness
         damping = math.sqrt(stiffness * build.inertia(self)) if self.damping is None else self.damping
         build.add_bristle(self, self.torque, stiffness, damping)
-        build.note(self, {"stiffness": stiffness, "damping": damping})
+        build.note(self, "stiffness", "stiffness", stiffness)
+        build.note(self, "damping", "viscous", damping)
 
 
 @effect("quadratic_drag", "arm")

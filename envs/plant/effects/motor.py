@@ -29,7 +29,7 @@ class ThermalDrift(Effect):
         build.drive(self, only=("voltage",))
         rms = self.current if self.current is not None else build.rms_current(self)
         build.add_winding_heat(self, self.resistance_rise, self.time_constant, rms)
-        build.note(self, {"current": rms})
+        build.note(self, "current", "current", rms)
 
 
 @effect("torque_constant_saturation", "motor")

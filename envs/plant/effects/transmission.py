@@ -36,7 +36,7 @@ class JointFlexibility(Effect):
         damping = 0.06 * math.sqrt(self.stiffness * reduced) if self.damping is None else self.damping
         shaft = build.add_shaft(self, self.inertia_ratio, self.encoder)
         shaft.stiffness, shaft.damping = min(shaft.stiffness, self.stiffness), damping
-        build.note(self, {"damping": damping})
+        build.note(self, "damping", "viscous", damping)
 
 
 @effect("backlash", "transmission")
@@ -62,7 +62,8 @@ class Backlash(Effect):
         shaft.half_gap = 0.5 * self.gap
         shaft.stiffness = min(shaft.stiffness, reduced * rate**2)
         shaft.contact_damping = 2.0 * self.damping_ratio * reduced * rate
-        build.note(self, {"stiffness": reduced * rate**2, "damping": shaft.contact_damping})
+        build.note(self, "stiffness", "stiffness", shaft.stiffness)
+        build.note(self, "damping", "viscous", shaft.contact_damping)
 
 
 @effect("axis_coupling", "transmission", repeatable=True)
@@ -80,4 +81,4 @@ class AxisCoupling(Effect):
         if other is None:
             other = self.joint + 1 if self.joint < len(build.robot) else self.joint - 1
         build.add_coupling(self, _SIGNALS[self.signal], other, self.coefficient)
-        build.note(self, {"other": other})
+        build.note(self, "other", "joint", other)

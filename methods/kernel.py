@@ -382,10 +382,28 @@ def _crossing(start, first, total):
 def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak, rate_leak, substeps, out, motion):
     """Simulate one log. y (T, n) readings; out (T, n) prediction errors; motion (T, n, 3): q, dq, w (or empty)."""
     T, n = u.shape
-    S = np.zeros((n, 7)); D1 = np.zeros((n, 7)); D2 = np.zeros((n, 7)); D3 = np.zeros((n, 7)); D4 = np.zeros((n, 7))
+    S = np.zeros((n, 7)); z = np.zeros(n)
+    begin(start, u[0], S)
+    advance(0, T, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak, substeps, out, motion)
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
+def begin(start, u, S):
+    """States S (n, 7) at the beginning of a log: start (n, 3) angle, velocity, motor torque; command u (n,)."""
+    for j in range(len(u)):
+        S[j, Q] = start[j, 0]; S[j, DQ] = start[j, 1]; S[j, QL] = start[j, 0]; S[j, DQL] = start[j, 1]
+        S[j, A] = u[j]
+        S[j, W] = start[j, 2]
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
+def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak, substeps, out, motion):
+    """Samples first..last-1 of a log from the states S (n, 7) and deflections z (n,), which end up at sample last."""
+    T, n = u.shape
+    D1 = np.zeros((n, 7)); D2 = np.zeros((n, 7)); D3 = np.zeros((n, 7)); D4 = np.zeros((n, 7))
     B = np.zeros((n, 7))
-    sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n); raw = np.zeros(n)
-    bristle = np.zeros(n); z = np.zeros(n); extra = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
+    sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
+    bristle = np.zeros(n); extra = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
     xs = np.zeros((n, 3))
     keep = motion.shape[0] == T
     with_x = x.shape[0] == T
@@ -394,11 +412,8 @@ def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak,
     has = np.zeros((n, 4), dtype=np.bool_)
     for j in range(n):
         _present(on[j], has[j])
-        S[j, Q] = start[j, 0]; S[j, DQ] = start[j, 1]; S[j, QL] = start[j, 0]; S[j, DQL] = start[j, 1]
-        S[j, A] = u[0, j]
-        S[j, W] = start[j, 2]
     t0 = t[0]
-    for k in range(T):
+    for k in range(first, last):
         for j in range(n):
             e = y[k, j] - _reading(S[j, Q], P[j], on[j])
             out[k, j] = e
@@ -435,14 +450,14 @@ def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak,
                 if BRISTLE >= 0 and on[j, BRISTLE]:
                     bristle[j], z[j] = _bristle(z[j], S[j, DQ], h, p)
             # friction by events: a joint that would reverse stops inside the step; the rest is integrated anew
-            left, begin, events = h, now, 0
+            left, at, events = h, now, 0
             while left > 0.0:
                 span = left
                 for j in range(n):
                     stuck[j] = False
                     dq = S[j, DQ]
                     sign[j] = 1.0 if dq > 0.0 else (-1.0 if dq < 0.0 else 0.0)
-                _rates(begin, S, D1, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                _rates(at, S, D1, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
                 again = False
                 for j in range(n):
                     dry[j] = level[j] > 0.0
@@ -453,12 +468,12 @@ def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak,
                         else:
                             sign[j] = 1.0 if rhs[j] > 0.0 else -1.0
                 if again:
-                    _rates(begin, S, D1, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                    _rates(at, S, D1, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
                 stopped = -1
                 for attempt in range(2):
-                    _rates_stage(begin, 0.5 * span, S, D1, B, D2, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
-                    _rates_stage(begin, 0.5 * span, S, D2, B, D3, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
-                    _rates_stage(begin, span, S, D3, B, D4, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                    _rates_stage(at, 0.5 * span, S, D1, B, D2, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                    _rates_stage(at, 0.5 * span, S, D2, B, D3, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                    _rates_stage(at, span, S, D3, B, D4, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
                     if attempt == 1 or events >= 6:
                         break
                     share = 1.0
@@ -486,12 +501,12 @@ def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak,
                     events += 1
                     if events >= 6:
                         break
-                    begin += span
+                    at += span
                     left -= span
                 else:
                     break
             if not math.isfinite(S[0, Q]) or abs(S[0, DQ]) > 1e9:
-                for kk in range(k + 1, T):
+                for kk in range(k + 1, last):
                     for j in range(n):
                         out[kk, j] = 1e6
                 return

@@ -278,8 +278,8 @@ def test_play_lets_the_motor_turn_freely(law):
     touch = math.sqrt(2 * 0.01 / 0.1)
     free = round(touch / TS) - 1
     assert (link.position[:free] == 0).all()
+    assert link.position[free + 20, 0] > 0
     assert motor.position[free, 0] == pytest.approx(0.5 * 0.1 * (free * TS) ** 2, rel=1e-9)
-    assert link.position[-1, 0] > 0
     total = 0.1 * motor.velocity[-1, 0] + 0.4 * link.velocity[-1, 0]
     assert total == pytest.approx(0.01 * 1999 * TS, rel=1e-9)
 

@@ -1,0 +1,266 @@
+"""What a diagnosis says, as plain data: verdict, named effects, gain, what is left, what to do next.
+
+Everything that a report or another program needs is in a `Diagnosis`; nothing in it refers back to the fits. Numbers
+are SI; a torque also comes as what it amounts to in the command's unit (`input_equivalent`), because command and angle
+alone determine no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from diagnosis.engine import Verdict
+from envs.log import Array, InputKind
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number with its standard deviation and unit."""
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """One parameter of an effect by its canonical name.
+
+    physical: in SI units where the drive's constants are known, else the same as `input_equivalent`.
+    input_equivalent: as the command that has the same effect (torques), or the number itself (times, angles, ratios).
+    """
+
+    name: str
+    physical: Estimate
+    input_equivalent: Estimate
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Why an effect is believed.
+
+    decrease: of -2 log likelihood by the effect with everything refitted. price: charged for its parameters and for the
+    shapes that were searched. material: its torque as a share of the command's rms. net: decrease less price.
+    """
+
+    decrease: float
+    price: float
+    material: float | None = None
+
+    @property
+    def net(self) -> float:
+        return self.decrease - self.price
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Another explanation at the moment when an effect was accepted."""
+
+    name: str
+    joint: int
+    evidence: Evidence
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """One named effect. `only_in`: the log it occurs in, for an event that happens in one recording only."""
+
+    name: str
+    joint: int
+    stage: str
+    equation: str
+    variable: str
+    parameters: tuple[ParameterEstimate, ...]
+    evidence: Evidence
+    alternatives: tuple[Alternative, ...]
+    only_in: str | None = None
+
+
+@dataclass(frozen=True)
+class NominalParameter:
+    """A nominal parameter in input-equivalent units, and what became of it.
+
+    given: by the named robot (None when unknown). without: refitted while the effects were missing. final: beside the
+    effects. `shift` is what the missing effects had done to it, relative to the final value.
+    """
+
+    name: str
+    unit: str
+    given: float | None
+    without: Estimate
+    final: Estimate
+
+    @property
+    def shift(self) -> float:
+        return (self.without.value - self.final.value) / abs(self.final.value) if self.final.value else 0.0
+
+
+@dataclass(frozen=True)
+class SignalDependence:
+    """How strongly the remainder depends on a signal: decrease of -2 log likelihood by smooth functions of it."""
+
+    signal: str
+    decrease: float
+    functions: int
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Signals for plots, thinned alike, each (S,): time [s], command, reading [rad or m], velocity, motor torque.
+
+    before, after: residual of the refitted nominal and of the extended model, as the command that would explain it.
+    free_before, free_after: error of the free simulation in windows [rad or m]; NaN where there is none.
+    Motor torque and residuals are in the command's unit.
+    """
+
+    log: str
+    held_out: bool
+    time: Array
+    command: Array
+    reading: Array
+    velocity: Array
+    acceleration: Array
+    motor_torque: Array
+    before: Array
+    after: Array
+    free_before: Array
+    free_after: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """Amplitude densities of the residuals over frequency [Hz], each (F,), in the command's unit per sqrt(Hz)."""
+
+    frequency: Array
+    before: Array
+    after: Array
+
+
+@dataclass(frozen=True)
+class LedgerRow:
+    """One model on the logs that the gain is measured on.
+
+    inverse_error: rms residual as a command. window_error, whole_error: rms error of free simulation in short windows
+    and over whole logs [rad or m]; None when the model could not be simulated. interval: 90 % of the window error.
+    closed: share of the explainable gap. microseconds: of one simulated sample. note: why a number is missing.
+    """
+
+    joint: int
+    step: str
+    role: Literal["as given", "nominal", "effect", "compensator", "rival"]
+    inverse_error: float | None
+    window_error: float | None
+    whole_error: float | None
+    interval: tuple[float, float] | None = None
+    closed: float | None = None
+    microseconds: float | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The gain in one number: rms error of free simulation in windows of `window` seconds, on data nobody fitted."""
+
+    joint: int
+    unit: str
+    before: float
+    after: float
+    noise_floor: float
+    closed: float | None
+    interval: tuple[float, float] | None
+    on: str
+    window: float = 1.0
+
+
+@dataclass(frozen=True)
+class Isolability:
+    """What these logs could have shown of one effect on one joint.
+
+    threshold: smallest input-equivalent magnitude of its torque (rms over the log, command unit) with evidence enough.
+    share: the same relative to the command's rms. nearest: the effect that looks most alike, `separation` the angle
+    [degrees] between the two in the innovations once nominal parameters are refitted; None when nothing is visible.
+    """
+
+    effect: str
+    joint: int
+    threshold: float | None
+    share: float | None
+    nearest: str | None
+    separation: float | None
+
+
+@dataclass(frozen=True)
+class Confusable:
+    """Two effects that these logs cannot tell apart: angle between them [degrees], and how strong one has to be."""
+
+    first: str
+    second: str
+    joint: int
+    separation: float
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """The proposed experiment: excitation in text form, purpose, predicted benefit in words and as a factor."""
+
+    joint: int
+    excitation: str
+    purpose: str
+    benefit: str
+    factor: float
+
+
+@dataclass(frozen=True, eq=False)
+class JointResult:
+    """Everything about one joint."""
+
+    joint: int
+    input: InputKind
+    command_unit: str
+    position_unit: str
+    torque_unit: str
+    input_equivalent: float | None
+    verdict: Verdict
+    effects: tuple[NamedEffect, ...]
+    nominal: tuple[NominalParameter, ...]
+    remainder: tuple[SignalDependence, ...]
+    remainder_excess: float
+    series: tuple[Series, ...]
+    spectrum: Spectrum | None
+    isolability: tuple[Isolability, ...] = ()
+    confusable: tuple[Confusable, ...] = ()
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a diagnosis comes from: files with content hashes, versions, settings, seconds per stage, what was noticed."""
+
+    logs: tuple[Mapping[str, Any], ...]
+    holdout: tuple[Mapping[str, Any], ...]
+    robot: str | None
+    versions: Mapping[str, str]
+    settings: Mapping[str, Any]
+    seconds: Mapping[str, float]
+    findings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The outcome for all joints. `gaps` has one entry per joint, the widest first."""
+
+    verdict: Verdict
+    sentence: str
+    joints: tuple[JointResult, ...]
+    gaps: tuple[Gap, ...]
+    ledger: tuple[LedgerRow, ...]
+    next_experiment: NextExperiment | None
+    provenance: Provenance
+    missing_in_mujoco: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def effects(self) -> tuple[NamedEffect, ...]:
+        """All named effects, joint by joint in the order of acceptance."""
+        return tuple(effect for joint in self.joints for effect in joint.effects)

@@ -22,12 +22,12 @@ from methods.network_training import Trainer, Weights
 class BackPropagation(Trainer):
     """Per-sample rule with learning rates gamma (output layer) and lambda (hidden layer), `passes` over the record.
 
-    The paper gives no number. The rates are the largest of the series 0.3, 0.1, 0.03, ... with which the error still
-    falls from pass to pass on every joint and draw; more passes change the error by little.
+    The paper gives no number. With these rates the error falls on every joint of the ensemble and ends within a few
+    per cent of its lowest value; three times as much makes single runs rise again.
     """
 
-    output_rate: float = 0.01
-    hidden_rate: float = 0.1
+    output_rate: float = 0.003
+    hidden_rate: float = 0.03
     passes: int = 60
 
     def train(self, inputs: Array, target: Array, start: Weights, with_bias: bool) -> tuple[Weights, Array, Status]:

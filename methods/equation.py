@@ -96,10 +96,14 @@ def _root(balance, p, q, dq, ddq, x0, u, given, unknown):
     Newton with a difference quotient; where that does not settle, a growing bracket and the Illinois secant.
     """
     x = x0
-    for _ in range(12):
+    slope = 0.0
+    for iteration in range(24):
         f = _mismatch(balance, p, q, dq, ddq, x, u, given, unknown)
-        delta = 1e-6 * (1.0 + abs(x))
-        slope = (_mismatch(balance, p, q, dq, ddq, x + delta, u, given, unknown) - f) / delta
+        if iteration % 2 == 0:  # a slope serves two steps: F is nearly linear almost everywhere
+            delta = 1e-6 * (1.0 + abs(x))
+            slope = (_mismatch(balance, p, q, dq, ddq, x + delta, u, given, unknown) - f) / delta
+            if slope == 0.0 and iteration == 0:
+                return np.nan  # F does not contain the unknown
         if slope == 0.0 or not np.isfinite(f) or not np.isfinite(slope):
             break
         step = -f / slope

@@ -70,7 +70,9 @@ class Sindy(Method):
     """Sequentially thresholded least squares over `TERMS`.
 
     threshold: smallest share of the acceleration's deviation that a term must carry to stay.
-    reversal_velocity: w as a share of the largest speed. windows: number of test functions of the weak form.
+    reversal_velocity: w as a share of the largest speed.
+    windows, window: number and half-width [s] of the weak form's test functions. They have to be short beside the
+    period of the motion: windows of half a period make velocity, its powers and friction indistinguishable.
     every: use every n-th sample, enough for signals limited to tens of hertz.
     """
 
@@ -79,6 +81,7 @@ class Sindy(Method):
     threshold: float = 0.02
     reversal_velocity: float = 1e-2
     windows: int = 400
+    window: float = 0.1
     every: int = 5
 
     def fit(self, logs: Sequence[Log], rng: np.random.Generator) -> Fit:
@@ -148,7 +151,11 @@ class Sindy(Method):
             np.random.seed(int(rng.integers(2**31)))  # noqa: NPY002 - pysindy draws from the global generator
             try:
                 weak = pysindy.WeakPDELibrary(
-                    function_library=linear, spatiotemporal_grid=times[0], K=self.windows, is_uniform=True
+                    function_library=linear,
+                    spatiotemporal_grid=times[0],
+                    K=self.windows,
+                    H_xt=self.window,
+                    is_uniform=True,
                 )
                 model = pysindy.SINDy(optimizer=optimizer, feature_library=weak)
                 model.fit(states[0], t=times[0], u=controls[0])

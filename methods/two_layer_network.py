@@ -1,11 +1,12 @@
 """The two-layer network of the paper, v2 = U' f(W s): sigmoid hidden layer, linear output (equation (9)).
 
-Two input variants: s = (q, q') and s = (q, q', q'', q'''). Inputs are divided by fixed scales before W, so that the
-learning rates have the same meaning for rad and rad/s^3.
+Two input variants: s = (q, q') and s = (q, q', q'', q'''). Inputs are centred and scaled by fixed numbers before W, so
+that the learning rates have the same meaning for rad and rad/s^3.
 
-As printed, neither layer has a bias. Then v2(s) = sum_k u_k / 2 + (an odd function of s): the network can follow dry
-friction, but no effect that is even in its inputs and hardly one that depends on the place (cogging). `with_bias` adds
-a constant input to the hidden layer and to the output; that is a change against the paper and is named where used.
+As printed, neither layer has a bias. Then v2(s) = sum_k u_k / 2 + (an odd function of the centred s): the network can
+follow dry friction, but no effect that is even in its inputs and hardly one that depends on the place (cogging).
+`with_bias` adds a constant input to the hidden layer and to the output; that is a change against the paper and is
+named where used.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ INPUT_COUNT: dict[NetworkInputs, int] = {TWO_SIGNALS: 2, FOUR_SIGNALS: 4}
 class TwoLayerNetwork:
     """Weights for m inputs and h hidden nodes.
 
-    hidden: W (h, m) [1], acts on s / input_scale; hidden_bias: (h,); output: U (h,) [unit of the command];
-    output_bias [unit of the command]; input_scale: (m,) [unit of the input].
+    hidden: W (h, m) [1], acts on (s - input_centre) / input_scale; hidden_bias: (h,); output: U (h,) [unit of the
+    command]; output_bias [unit of the command]; input_centre, input_scale: (m,) [unit of the input].
     """
 
     inputs: NetworkInputs
@@ -38,6 +39,7 @@ class TwoLayerNetwork:
     hidden_bias: Array
     output: Array
     output_bias: float
+    input_centre: Array
     input_scale: Array
 
     def __call__(self, motion: Motion) -> Array:
@@ -47,7 +49,8 @@ class TwoLayerNetwork:
     @property
     def flat(self) -> Array:
         """The layout of `methods.joint_equation`: m, h, per node [W / scale (m), bias, U], then the output bias."""
-        nodes = np.column_stack((self.hidden / self.input_scale, self.hidden_bias, self.output))
+        scaled = self.hidden / self.input_scale
+        nodes = np.column_stack((scaled, self.hidden_bias - scaled @ self.input_centre, self.output))
         return np.concatenate(([len(self.input_scale), len(self.output)], nodes.ravel(), [self.output_bias]))
 
 

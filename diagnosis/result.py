@@ -139,6 +139,37 @@ class Spectrum:
     after: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Quantiles:
+    """Median of a quantity in bins of a signal and the range of its middle 80 %, each (K,)."""
+
+    middle: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PartialResidual:
+    """The residual against the signal that tells an effect: what the effect has to explain, its law, what is left.
+
+    effect: None for the remainder of the final model. kind: what the residual is expressed as. x (K,) with bins in
+    `before` and `after`; `laws` are (name, values (K,)), the effect's own first, then those of its rivals. samples
+    (2, M): some unbinned pairs of signal and residual. continuous: x is a stretch of time instead of bins.
+    """
+
+    effect: str | None
+    kind: Literal["command", "reading"]
+    signal: str
+    signal_unit: str
+    unit: str
+    x: Array
+    before: Quantiles
+    after: Quantiles
+    laws: tuple[tuple[str, Array], ...]
+    samples: Array
+    continuous: bool
+
+
 @dataclass(frozen=True)
 class LedgerRow:
     """One model on the logs that the gain is measured on.
@@ -232,11 +263,12 @@ class JointResult:
     spectrum: Spectrum | None
     isolability: tuple[Isolability, ...] = ()
     confusable: tuple[Confusable, ...] = ()
+    partial_residuals: tuple[PartialResidual, ...] = ()
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a diagnosis comes from: files with content hashes, versions, settings, seconds per stage, what was noticed."""
+    """Where a diagnosis comes from: files with hashes, versions, settings, seconds per stage, what was noticed."""
 
     logs: tuple[Mapping[str, Any], ...]
     holdout: tuple[Mapping[str, Any], ...]

@@ -61,7 +61,9 @@ def robot_spec(
     gains.data, gains.size = robot.drive_values("amplifier_gain"), len(robot)
     if not scenery:
         for geom in list(spec.geoms):
-            spec.delete(geom)
+            # a shape with mass may be all that a described body has of inertia
+            if geom.mass == 0.0 or geom.parent.name == "world":
+                spec.delete(geom)
     for number, position in (held or {}).items():
         lock_joint(spec, robot.joint(number).name, position)
     return spec

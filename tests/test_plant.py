@@ -22,6 +22,7 @@ from envs.plant.plant import Plant, PlantError, record, truth_path
 from envs.plant.sensors import AmplifierNoise, Sensors
 from envs.plant.servo import PositionServo
 from envs.plant.simulator import PlantSimulator
+from envs.robot import load_robot
 from envs.simulator import KernelSimulator
 
 POSE = np.array([0.0, 0.5 * np.pi, 0.1, 0.0])
@@ -302,6 +303,26 @@ def test_thermal_drift_weakens_a_stalled_motor_and_shows_in_the_temperature():
     assert cold[-1] / q[-1] - 1.0 == pytest.approx(rise, rel=0.05)
     resistance = 1.0 + 0.00393 * (log.temperature[-1, 0] - 25.0)
     assert resistance == pytest.approx(cold[-1] / q[-1], rel=1e-3)
+
+
+def test_thermal_drift_follows_the_winding_s_equations():
+    """L i' = G u - R0 (1 + x) i - K w, tc x' = s (i / rms)^2 (1 + x) - x with s = rise / (1 + rise)."""
+    n, rise, time_constant, rms = numbers(4), 1.5, 0.2, 1.0
+    effect = f"thermal_drift@4=resistance_rise:{rise},time_constant:{time_constant},current:{rms}"
+    log, q, _ = run((effect,), PRBS(joints=(4,), amplitude=0.4, bit_time=0.02), 0.6)
+    share = rise / (1 + rise)
+
+    def rates(_, x, volts):
+        _, w, i, heat = x
+        electrical = (volts - n["R"] * (1 + heat) * i - n["K"] * w) / n["L"]
+        return [w, (n["K"] * i - n["f"] * w) / n["J"], electrical, (share * i**2 * (1 + heat) - heat) / time_constant]
+
+    state, path = np.zeros(4), []
+    for u in log.command[:, 0]:
+        path.append(state[0])
+        state = solve_ivp(rates, (0.0, 1e-3), state, args=(n["G"] * u,), rtol=1e-9, atol=1e-12).y[:, -1]
+    assert np.abs(q - np.array(path)).max() < 1e-6 * np.ptp(q)
+    assert state[3] > 0.2
 
 
 def test_thermal_drift_lowers_the_speed_of_a_loaded_motor():
@@ -919,3 +940,36 @@ def test_record_reads_text_and_puts_effects_on_the_excited_joint():
     assert recording.truth.effects[0]["joint"] == 2
     assert recording.log.joints == (2,)
     assert parse("sine:joints=2,amplitude=0.5").text == recording.truth.experiment["excitation"]
+
+
+PENDULUM = """<mujoco><worldbody><body name="rod"><joint name="swing" axis="0 1 0"/>
+<geom type="capsule" size="0.02" fromto="0 0 0 0.5 0 0" mass="2"/></body></worldbody></mujoco>"""
+TORQUE_DRIVE = """name = "pendulum"
+body = { file = "rod.xml" }
+[[joint]]
+name = "swing"
+kind = "revolute"
+lower = -3.0
+upper = 3.0
+[joint.drive]
+amplifier = "torque"
+command = "torque"
+amplifier_gain = 1.0
+viscous = 0.2
+"""
+
+
+def test_a_described_robot_with_a_torque_drive(tmp_path):
+    (tmp_path / "rod.xml").write_text(PENDULUM)
+    (tmp_path / "pendulum.toml").write_text(TORQUE_DRIVE)
+    robot = load_robot(tmp_path / "pendulum.toml")
+    plant = Plant(robot, (parse_effect("coulomb_friction=0.5"),), IDEAL)
+    log, _ = plant.record(constant(0.0), 1.0, np.random.default_rng(0))
+    assert np.ptp(log.position) < 1e-7
+    assert abs(log.command[0, 0]) == pytest.approx(2.0 * 9.81 * 0.25, rel=1e-3)
+    assert log.facts[0].input == "torque"
+    # without the holding torque it swings about the vertical
+    log, _ = Plant(robot, (), IDEAL).record(constant(0.0), 20.0, np.random.default_rng(0), hold=False)
+    assert log.position[-1, 0] == pytest.approx(0.5 * np.pi, abs=0.05)
+    with pytest.raises(EffectError, match="torque amplifier"):
+        Plant(robot, (parse_effect("supply_sag=0.1"),)).record(constant(0.0), 1.0, np.random.default_rng(0))

@@ -462,6 +462,18 @@ def test_every_family_gives_clean_logs_of_a_moving_machine(family):
         assert (np.abs(log.command) <= np.array([fact.command_limit for fact in log.facts]) + 1e-9).all()
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+def test_logs_are_exact_to_the_encoder(family):
+    """A predictor that knows the machine leaves the rounding of the encoder and nothing else."""
+    quiet = (make_trial(seed, Kind.CLEAN, family, duration=6.0) for seed in range(20))
+    trial = next(t for t in quiet if t.truth.amplifier_noise[0] == 0.0 and t.truth.sensor_noise[0] == 0.0)
+    machine, log = trial.truth.machine, trial.train[0]
+    known = visibility.predict(machine, trial.truth.joints, log, visibility.Streams(), machine.coupling_inertia)
+    rest = (log.position - known.measured)[round(visibility.SETTLING / machine.sample_time) :]
+    steps = np.array([joint.encoder_step for joint in machine.joints])
+    assert (np.sqrt((rest**2).mean(axis=0)) < 1.25 * steps / math.sqrt(12.0)).all()
+
+
 def test_pairs_hide_two_compatible_effects_and_weak_ones_stand_at_the_edge():
     pair = make_trial(8, Kind.PAIR, "stage", duration=8.0).truth
     assert hidden.compatible(*(effect.hidden.name for effect in pair.effects))
@@ -488,7 +500,7 @@ def test_wandering_delay_keeps_the_order_of_samples():
 
 
 def test_files_hold_the_logs_and_not_the_truth(tmp_path):
-    trial = make_trial(4, Kind.SINGLE, "servo", duration=8.0)
+    trial = make_trial(4, Kind.SINGLE, "servo", effect="coulomb_friction", duration=8.0)
     write_trial(trial, tmp_path / "logs", tmp_path / "truth")
     written = load(tmp_path / "logs" / "train_1.csv")
     assert written.content_hash == trial.train[1].content_hash
@@ -496,9 +508,9 @@ def test_files_hold_the_logs_and_not_the_truth(tmp_path):
     logs = ("train_0", "train_1", "holdout_0")
     assert names == {"nominal.toml", *(f"{name}.{end}" for name in logs for end in ("csv", "toml"))}
     (effect,) = json.loads((tmp_path / "truth" / "truth.json").read_text())["effects"]
-    assert effect["name"] == "input_delay"
+    assert effect["name"] == "coulomb_friction"
     for path in (tmp_path / "logs").glob("*.toml"):
-        assert "delay" not in path.read_text()
+        assert "coulomb" not in path.read_text()
     with pytest.raises(ValueError, match="two folders"):
         write_trial(trial, tmp_path, tmp_path)
 

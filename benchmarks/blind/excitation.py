@@ -94,7 +94,7 @@ def plan(
     machine: Machine, form: str, mode: Literal["open", "closed"], loop: Loop, duration: float, rng: Rng
 ) -> Experiment:
     """An experiment scaled so that the clean machine uses a random share of its travel, speed or command limit."""
-    time = machine.sample_time * np.arange(round(duration / machine.sample_time))
+    time: Array = machine.sample_time * np.arange(round(duration / machine.sample_time), dtype=np.float64)
     n = len(machine.joints)
     signals = np.column_stack([shape(form, time, rng) for _ in range(n)])
     share = np.array([log_uniform(rng, 0.3, 0.9) for _ in range(n)])

@@ -8,10 +8,10 @@ is drawn at random; the truth records which.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -33,6 +33,8 @@ from benchmarks.blind.world import (
     Stribeck,
     TorqueLaw,
 )
+
+L = TypeVar("L", bound=IntEnum)
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ class Draw:
     def phase(self) -> float:
         return float(self.rng.uniform(-math.pi, math.pi))
 
-    def law(self, laws: type[IntEnum] | list[IntEnum], plain: float = 0.6) -> IntEnum:
+    def law(self, laws: Iterable[L], plain: float = 0.6) -> L:
         """The first law with probability `plain`, else one of the others."""
         choices = list(laws)
         return choices[0] if self.rng.random() < plain else choices[int(self.rng.integers(1, len(choices)))]

@@ -26,6 +26,7 @@ class Machine:
 
     travel: half width of the working range [rad or m], speed: highest sensible speed [rad/s or m/s], per joint.
     bandwidth: range of sensible position-loop bandwidths [rad/s]. loops: which experiments its owner would run.
+    step: longest step of integration that stays well below the encoder's resolution [s].
     """
 
     family: str
@@ -42,6 +43,7 @@ class Machine:
     hold: Hold = "zero_order"
     coupling_inertia: float = 0.0
     robot: str | None = None
+    step: float = 5e-5
 
     def facts(self) -> tuple[JointFacts, ...]:
         """What the sidecars of its logs say."""
@@ -262,7 +264,7 @@ def _stage_joint(rng: Rng) -> Joint:
         motor_inertia=0.3 * mass,
         link_inertia=0.7 * mass,
         viscous=mass * rate * log_uniform(rng, 0.05, 0.5),
-        encoder_step=float(rng.choice([1e-7, 5e-7, 1e-6, 5e-6])),
+        encoder_step=float(rng.choice([5e-7, 1e-6, 5e-6])),
     )
 
 
@@ -278,6 +280,7 @@ def _stage(rng: Rng) -> Machine:
         command_limit=(10.0,),
         command_step=(_converter(rng, 10.0, (12, 14, 16)),),
         bandwidth=(30.0, 80.0),
+        step=2.5e-5,
         loops=("closed",),
         unit="m",
     )
@@ -296,6 +299,7 @@ def _gantry(rng: Rng) -> Machine:
         command_limit=(10.0, 10.0),
         command_step=(20.0 / 2**14,) * 2,
         bandwidth=(15.0, 40.0),
+        step=2.5e-5,
         loops=("closed",),
         unit="m",
     )

@@ -16,7 +16,7 @@ import math
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -236,12 +236,13 @@ def _visibility(truth: Truth, effect: TrueEffect, logs: tuple[Log, ...]) -> floa
 
 def _experiments(machine: Machine, duration: float, train: int, rng: Rng) -> list[Experiment]:
     """Training experiments of different forms and one held-out experiment of yet another."""
-    mode = str(rng.choice(machine.loops))
-    forms = list(rng.permutation(OPEN_FORMS if mode == "open" else CLOSED_FORMS))
-    if {"sine", "moves"} & set(forms[:1]):  # the first log has to excite more than one frequency
-        forms = [*forms[1:], forms[0]]
+    mode: Literal["open", "closed"] = "open" if str(rng.choice(machine.loops)) == "open" else "closed"
+    forms = [str(form) for form in rng.permutation(OPEN_FORMS if mode == "open" else CLOSED_FORMS)]
+    # the first log has to excite more than one frequency
+    rich = next(k for k, form in enumerate(forms) if form not in ("sine", "moves"))
+    forms = [forms[rich], *forms[:rich], *forms[rich + 1 :]]
     loop = position_loop(machine, rng)
-    return [plan(machine, str(forms[k]), mode, loop, duration, rng) for k in range(train + 1)]
+    return [plan(machine, forms[k], mode, loop, duration, rng) for k in range(train + 1)]
 
 
 def _scales(machine: Machine, index: int, motions: list[Motion], duration: float) -> Scales:
@@ -320,17 +321,18 @@ def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> tuple[L
     """The experiment on the true machine and its hidden signals; None when it leaves its range, runs away or sticks."""
     machine, joints = truth.machine, truth.joints
     samples, n = experiment.feed.shape
-    time = machine.sample_time * np.arange(samples)
+    time: Array = machine.sample_time * np.arange(samples, dtype=np.float64)
     columns = range(n)
-    streams: dict[str, Array] = {}
+    streams = Streams()
     jitter, stamped = 0.0, False
     for effect in truth.effects:
         index = machine.numbers.index(effect.joint)
         wanted = effect.hidden.streams
-        for stream, maker in (("stray_torque", stray_signal), ("arrival_delay", wandering)):
-            if stream in wanted:
-                streams[stream] = np.zeros((samples, n))
-                streams[stream][:, index] = maker(time, wanted[stream], rng)
+        own = np.arange(n) == index
+        if "stray_torque" in wanted:
+            streams = replace(streams, stray_torque=np.outer(stray_signal(time, wanted["stray_torque"], rng), own))
+        if "arrival_delay" in wanted:
+            streams = replace(streams, arrival_delay=np.outer(wandering(time, wanted["arrival_delay"], rng), own))
         if "timestamp_jitter" in wanted:
             jitter, stamped = wanted["timestamp_jitter"], bool(wanted["jitter_in_stamps"])
     drive_noise = [coloured_noise(samples, machine.sample_time, truth.amplifier_noise[j], rng) for j in columns]
@@ -349,7 +351,9 @@ def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> tuple[L
         sensor_noise=sensor_noise,
         ramp=machine.hold == "first_order" and experiment.mode == "open",
         fine=jitter > 0.0,
-        **streams,
+        step_limit=machine.step,
+        stray_torque=streams.stray_torque,
+        arrival_delay=streams.arrival_delay,
     )
     travel, speed = np.array(machine.travel), np.array(machine.speed)
     inside = np.abs(motion.position).max(axis=0) <= 1.6 * travel
@@ -376,7 +380,7 @@ def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> tuple[L
         loop=experiment.mode,
         name=name,
     )
-    return log, Streams(**streams)
+    return log, streams
 
 
 def _resampled(truth: Truth, motion: Motion, instants: Array, noise: Array) -> Array:

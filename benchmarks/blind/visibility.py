@@ -56,7 +56,7 @@ def predict(machine: Machine, joints: tuple[Joint, ...], log: Log, streams: Stre
         seen=log.position,
         leak=LEAK,
         ramp=machine.hold == "first_order",
-        step_limit=1e-4,
+        step_limit=2.0 * machine.step,
     )
 
 

@@ -823,7 +823,7 @@ def simulate(
     target = table(reference)
     substeps = max(1, math.ceil(sample_time / step_limit - 1e-9))
     length = samples * substeps + 1 if fine else 1
-    motion = Motion(*(np.zeros((samples, n)) for _ in range(7)), np.zeros((length, n)), np.zeros((length, n)))
+    motion = Motion(*(np.zeros((rows, n)) for rows in [samples] * 7 + [length] * 2))
     state = _at_rest(vector(start, 0.0))
     motion.fine_position[0] = state["angle"]
     _run(

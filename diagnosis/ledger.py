@@ -1,0 +1,160 @@
+"""The gain, step by step, on data that nobody fitted: nominal, refitted, one effect after the other, and the rivals.
+
+Intervals come from a moving-block bootstrap over the windows of free simulation (H. Kunsch, Annals of Statistics 17
+(1989) 1217), the same blocks for every model, so that a share of the gap is compared window by window.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.engine import Finding, without
+from diagnosis.estimation import Fitted, Point
+from diagnosis.problem import Problem
+from diagnosis.replay import Replay, in_blocks, input_equivalent, noise_floor, replay, rms, transfer
+from diagnosis.result import Gap, LedgerRow
+from envs.log import Array
+
+WINDOW = 1.0
+"""Length of the windows of free simulation [s]."""
+LEVEL = 0.90
+"""Coverage of the intervals."""
+RESAMPLES = 400
+DISTINCT = 1.05
+"""The refitted nominal model has to err by this factor more than noise alone; otherwise there is no gap to explain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One model of the ledger on the held-out logs, with its replay."""
+
+    title: str
+    role: str
+    joint: int | None
+    point: Point
+    replay: Replay
+
+
+def prefixes(problem: Problem, finding: Finding) -> list[Fitted]:
+    """The refitted nominal model, then with one accepted effect after the other, each with everything refitted."""
+    models: list[Fitted] = [finding.final]
+    for count in range(len(finding.accepted) - 1, -1, -1):
+        wanted = np.zeros_like(finding.final.point.switches)
+        for item in finding.accepted[:count]:
+            wanted[item.joint, problem.kernel.switches[item.name]] = True
+        known = [step for step in finding.steps if np.array_equal(step.point.switches, wanted)]
+        models.append(known[-1] if known else without(problem, models[-1], finding.accepted[count]))
+    return models[::-1]
+
+
+def steps(problem: Problem, held_out: Problem, finding: Finding, given: Point | None) -> list[Step]:
+    """Every model of the ledger, replayed on the held-out logs."""
+    fits = prefixes(problem, finding)
+    titles: list[tuple[str, str, int | None, Point]] = []
+    if given is not None:
+        titles.append(("nominal as given", "as given", None, given))
+    titles.append(("refit nominal parameters", "nominal", None, fits[0].point))
+    for item, fitted in zip(finding.accepted, fits[1:], strict=True):
+        titles.append((f"+ {item.name}", "effect", item.joint, fitted.point))
+    found = []
+    for title, role, joint, point in titles:
+        moved = transfer(held_out, point)
+        found.append(Step(title, role, joint, moved, replay(held_out, moved, WINDOW)))
+    return found
+
+
+def floor_of(problem: Problem, finding: Finding, j: int) -> float:
+    """Window error of the true model [rad or m]; sensor noise alone where something real is left unexplained."""
+    if finding.verdict == "unknown":
+        sensor = problem.encoder_step / np.sqrt(12.0)
+        return noise_floor(problem, finding.final, j, WINDOW, max(sensor, 1e-12), coloured=False)
+    return noise_floor(problem, finding.final, j, WINDOW, float(np.sqrt(finding.final.variances[j])), coloured=True)
+
+
+def rows(
+    problem: Problem, held_out: Problem, found: list[Step], j: int, joint: int, floor: float, rng: np.random.Generator
+) -> list[LedgerRow]:
+    """The ledger of joint index j, numbered `joint` on the robot."""
+    width = max(8, round(WINDOW / held_out.sample_time))
+    blocks = np.array([in_blocks(step.replay.windows[:, j], held_out.bounds, width) for step in found])
+    base = next(i for i, step in enumerate(found) if step.role == "nominal")
+    draws = resampled(blocks, rng)
+    table = []
+    for i, step in enumerate(found):
+        if step.joint not in (None, j):
+            continue
+        inverse = input_equivalent(held_out, step.point, step.replay.prediction)[held_out.used, j]
+        table.append(
+            LedgerRow(
+                joint=joint,
+                step=step.title,
+                role=step.role,  # type: ignore[arg-type]
+                inverse_error=rms(inverse),
+                window_error=rms(step.replay.windows[:, j]),
+                whole_error=rms(step.replay.whole[:, j]),
+                interval=quantiles(draws[i]),
+                closed=closed(rms(step.replay.windows[:, j]), rms(found[base].replay.windows[:, j]), floor),
+                microseconds=step.replay.microseconds,
+            )
+        )
+    return table
+
+
+def gap(
+    held_out: Problem, found: list[Step], j: int, joint: int, unit: str, floor: float, on: str, rng: np.random.Generator
+) -> Gap:
+    """The gain of the extended over the refitted nominal model for joint index j."""
+    width = max(8, round(WINDOW / held_out.sample_time))
+    base = next(step for step in found if step.role == "nominal")
+    blocks = np.array([in_blocks(step.replay.windows[:, j], held_out.bounds, width) for step in (base, found[-1])])
+    before, after = (rms(step.replay.windows[:, j]) for step in (base, found[-1]))
+    draws = resampled(blocks, rng)
+    share = closed(after, before, floor)
+    each = [closed(a, b, floor) for b, a in zip(*draws, strict=True)]
+    return Gap(
+        joint=joint,
+        unit=unit,
+        before=before,
+        after=after,
+        noise_floor=floor,
+        closed=share,
+        interval=None if share is None else quantiles(np.array([value for value in each if value is not None])),
+        on=on,
+        window=WINDOW,
+    )
+
+
+def closed(after: float, before: float, floor: float) -> float | None:
+    """Share of the explainable gap (before - floor) that is closed, at most 1; None where there is no such gap."""
+    if not before > DISTINCT * floor:
+        return None
+    return float(min(1.0, (before - after) / (before - floor)))
+
+
+def resampled(blocks: Array, rng: np.random.Generator) -> Array:
+    """Root mean squares of moving-block resamples of the windows' mean squares (M, blocks), shape (M, RESAMPLES)."""
+    count = blocks.shape[1]
+    length = max(1, round(count ** (1 / 3)))
+    starts = rng.integers(0, count, (RESAMPLES, -(-count // length)))
+    picks = ((starts[:, :, None] + np.arange(length)) % count).reshape(RESAMPLES, -1)[:, :count]
+    return np.sqrt(blocks[:, picks].mean(axis=2))
+
+
+def quantiles(values: Array) -> tuple[float, float] | None:
+    """Interval of the given coverage; None without values."""
+    if not len(values):
+        return None
+    low, high = np.quantile(values, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2])
+    return float(low), float(high)
+
+
+def given_point(nominal: Fitted, j: int, numbers: dict[str, float]) -> Point:
+    """The nominal model with a robot's own numbers (columns of the parameter array) in place of fitted ones."""
+    parameters = nominal.point.parameters.copy()
+    from methods.kernel import NOMINAL
+
+    for name, value in numbers.items():
+        parameters[:, j, NOMINAL.index(name)] = value
+    return replace(nominal.point, parameters=parameters)

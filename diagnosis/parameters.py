@@ -1,0 +1,261 @@
+"""From fitted model parameters to the canonical ones of the vocabulary, with honest standard deviations and units.
+
+The models are written in what can be fitted well: sine and cosine, compliance, torque in units of the command. People
+read amplitude and phase, stiffness, newton metres. The change of variables carries the covariance along to first
+order (delta method). The covariance is the larger, per parameter, of the inverse information and of the sandwich
+(W. Newey, K. West, Econometrica 55 (1987) 703), which also holds where the innovations are not entirely white.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.engine import Accepted
+from diagnosis.estimation import Fitted, weights
+from diagnosis.problem import Problem
+from diagnosis.result import Estimate, NominalParameter, ParameterEstimate
+from envs.log import COMMAND_UNIT, Array, InputKind
+from envs.robot import Joint as RobotJoint
+from methods.effects.base import Dimension, Effect
+from methods.kernel import NOMINAL
+
+Values = Mapping[str, float]
+LAGS = 60
+"""Lags of the sandwich's kernel [samples]."""
+
+
+@dataclass(frozen=True)
+class JointUnits:
+    """Units of one joint's command and motion, and the constants of its drive where they are known.
+
+    per_torque: command units per N m (or N); per_current: motor torque in command units per ampere. None: unknown.
+    """
+
+    input: InputKind
+    position: str
+    per_torque: float | None = None
+    per_current: float | None = None
+
+    @property
+    def command(self) -> str:
+        """Unit of the command; a torque command of a linear joint is a force."""
+        return self.torque if self.input == "torque" else COMMAND_UNIT[self.input]
+
+    @property
+    def torque(self) -> str:
+        return "N" if self.position == "m" else "N m"
+
+
+def joint_units(kind: InputKind, position: str, joint: RobotJoint | None) -> JointUnits:
+    """Units of a joint, with the drive's constants when the robot is known."""
+    if joint is None:
+        return JointUnits(kind, position, 1.0 if kind == "torque" else None)
+    drive, current = joint.drive, None
+    if drive.amplifier == "voltage":
+        current = drive.resistance.value / drive.amplifier_gain.value
+    elif drive.amplifier == "current":
+        current = 1.0 / drive.amplifier_gain.value
+    return JointUnits(kind, position, drive.input_equivalent, current)
+
+
+@dataclass(frozen=True)
+class Canonical:
+    """One effect's change of variables: canonical name -> dimension, and the function of the model's parameters."""
+
+    dimensions: Mapping[str, Dimension | str]
+    change: Callable[[Values], Values]
+
+
+def _wave(amplitude: str, dimension: Dimension, *others: tuple[str, Dimension]) -> Canonical:
+    """sine sin(x) + cosine cos(x) = amplitude sin(x + phase)."""
+
+    def change(p: Values) -> Values:
+        kept = {name: p[name] for name, _ in others}
+        return {amplitude: math.hypot(p["sine"], p["cosine"]), **kept, "phase": math.atan2(p["cosine"], p["sine"])}
+
+    return Canonical({amplitude: dimension, **dict(others), "phase": "angle"}, change)
+
+
+def _stiff(stiffness: str, **others: Dimension) -> Canonical:
+    """compliance -> stiffness; compliances are torques per position upside down."""
+
+    def change(p: Values) -> Values:
+        values = {name: p[name] for name in others}
+        return {**values, stiffness: 1.0 / max(p["compliance"], 1e-30)}
+
+    return Canonical({**others, stiffness: "torque per position"}, change)
+
+
+CANONICAL: dict[str, Canonical] = {
+    "cogging_torque": _wave("amplitude", "torque", ("cycles_per_rev", "cycles per revolution")),
+    "torque_ripple": _wave("share", "ratio", ("cycles_per_rev", "cycles per revolution")),
+    "gravity_tilt": _wave("torque", "torque"),
+    "periodic_disturbance": _wave("torque", "torque", ("frequency", "frequency")),
+    "encoder_eccentricity": _wave("amplitude", "position"),
+    "joint_flexibility": _stiff("stiffness", damping="torque per velocity", inertia_ratio="ratio"),
+    "backlash": _stiff("contact_stiffness", gap="position", inertia_ratio="ratio"),
+    "presliding_friction": _stiff("stiffness", torque="torque", damping="torque per velocity"),
+    "stribeck_friction": Canonical(
+        {"torque": "torque", "static_torque": "torque", "velocity": "velocity"},
+        lambda p: {"torque": p["torque"], "static_torque": p["torque"] + p["excess"], "velocity": p["velocity"]},
+    ),
+    "cable_spring": Canonical(
+        {"stiffness": "torque per position", "rest_angle": "position"},
+        lambda p: {"stiffness": p["stiffness"], "rest_angle": p["pull"] / max(p["stiffness"], 1e-30)},
+    ),
+}
+"""Effects whose canonical parameters are not those of the model; all others keep theirs."""
+
+
+def canonical(effect: Effect) -> Canonical:
+    """The change of variables of an effect; the identity unless `CANONICAL` holds another."""
+    own = Canonical({p.name: p.dimension for p in effect.parameters}, lambda p: p)
+    return CANONICAL.get(effect.name, own)
+
+
+def units(dimension: str, joint: JointUnits) -> tuple[str, str, float | None]:
+    """(physical unit, input-equivalent unit, physical per input-equivalent); None when the drive is not known."""
+    u, x = joint.command, joint.position
+    torque = None if joint.per_torque is None else 1.0 / joint.per_torque
+    current = joint.per_current
+    mass = "kg" if x == "m" else "kg m^2"
+    table: dict[str, tuple[str, str, float | None]] = {
+        "command": (u, u, 1.0),
+        "torque": (joint.torque, u, torque),
+        "torque per position": (f"{joint.torque}/{x}", f"{u}/{x}", torque),
+        "torque per velocity": (f"{joint.torque} s/{x}", f"{u} s/{x}", torque),
+        "torque per velocity squared": (f"{joint.torque} s^2/{x}^2", f"{u} s^2/{x}^2", torque),
+        "inertia": (mass, f"{u} s^2/{x}", torque),
+        "1/command": ("1/A", f"1/{u}", current),
+        "1/command squared": ("1/A^2", f"1/{u}^2", None if current is None else current**2),
+        "time": ("s", "s", 1.0),
+        "frequency": ("Hz", "Hz", 1.0),
+        "position": (x, x, 1.0),
+        "velocity": (f"{x}/s", f"{x}/s", 1.0),
+        "cycles per revolution": ("1/rev" if x == "rad" else "rad/m",) * 2 + (1.0,),
+        "angle": ("rad", "rad", 1.0),
+        "ratio": ("1", "1", 1.0),
+    }
+    physical, own, factor = table[dimension]
+    return (own, own, None) if factor is None else (physical, own, factor)
+
+
+def covariance(fitted: Fitted) -> Array:
+    """Covariance (P, P) of the free parameters: inverse information, widened where the sandwich is wider.
+
+    With scores s_k = j_k e_k (Jacobian times innovation) the sandwich is ``C (sum_l w_l sum_k s_k s_{k+l}') C``,
+    Bartlett weights w over LAGS samples.
+    """
+    n = len(fitted.whitener.coefficients)
+    scores = fitted.jacobian * (fitted.innovation * weights(fitted.innovation, n))
+    length = scores.shape[1]
+    # Bartlett weights are a triangle, the autocorrelation of a box: running sums of LAGS scores give the same matrix
+    running = np.cumsum(np.pad(scores, ((0, 0), (LAGS, 0))), axis=1)
+    blocks = running[:, LAGS:] - running[:, :length]
+    meat = blocks @ blocks.T / LAGS
+    sandwich = fitted.covariance @ meat @ fitted.covariance
+    plain = np.diag(fitted.covariance)
+    wider = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(plain, 1e-300), 1.0))
+    return fitted.covariance * np.outer(wider, wider)
+
+
+def effect_parameters(
+    problem: Problem, fitted: Fitted, spread: Array, item: Accepted, joint: JointUnits
+) -> tuple[ParameterEstimate, ...]:
+    """Canonical parameters of one accepted effect at the final fit; `spread` is the `covariance` of that fit."""
+    effect, j = item.scored.start.hypothesis.effect, item.joint
+    names = [f.name for f in fitted.point.free]
+    vector = fitted.point.vector
+    log = item.scored.start.hypothesis.log
+    columns: dict[str, list[int]] = {}
+    for parameter in effect.parameters:
+        plain = f"{effect.name}.{parameter.name}@{j}"
+        columns[parameter.name] = [i for i, n in enumerate(names) if n == plain or n.startswith(f"{plain}#")]
+    own = canonical(effect)
+
+    def values(x: Array) -> Array:
+        """Canonical values; of what is free in every log the rms of the logs, of phases that of the first log."""
+        each = [
+            own.change({name: float(x[c[min(k, len(c) - 1)]]) for name, c in columns.items()})
+            for k in range(max(len(c) for c in columns.values()))
+        ]
+        first = np.array([each[0][name] for name in own.dimensions])
+        for i, name in enumerate(own.dimensions):
+            if len(each) > 1 and name != "phase":
+                first[i] = math.sqrt(sum(e[name] ** 2 for e in each) / len(each))
+        return first
+
+    centre = values(vector)
+    slopes = np.zeros((len(centre), len(vector)))
+    for i in sorted({i for c in columns.values() for i in c}):
+        step = np.zeros(len(vector))
+        step[i] = 1e-4 * max(abs(vector[i]), 1e-3 * fitted.point.free[i].scale, 1e-12)
+        change = values(vector + step) - values(vector - step)
+        change = np.where(np.array(list(own.dimensions)) == "phase", (change + np.pi) % (2 * np.pi) - np.pi, change)
+        slopes[:, i] = change / (2 * step[i])
+    deviations = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, spread, slopes), 0.0))
+    begin = float(problem.time[problem.bounds[max(log, 0)]])
+    found = []
+    for (name, dimension), value, std in zip(own.dimensions.items(), centre, deviations, strict=True):
+        value = _on_the_logs_clock(effect, name, float(value), begin, dict(zip(own.dimensions, centre, strict=True)))
+        physical, equivalent, factor = units(str(dimension), joint)
+        factor = 1.0 if factor is None else factor
+        found.append(
+            ParameterEstimate(
+                name, Estimate(value * factor, float(std) * factor, physical), Estimate(value, float(std), equivalent)
+            )
+        )
+    return tuple(found)
+
+
+def _on_the_logs_clock(effect: Effect, name: str, value: float, begin: float, others: Values) -> float:
+    """Instants and phases count from the log's own zero of time; the models count from its first sample."""
+    if effect.scan == "event" and name == "time":
+        return value + begin
+    if effect.scan == "time" and name == "phase":
+        shifted = value - 2 * math.pi * others["frequency"] * begin
+        return (shifted + math.pi) % (2 * math.pi) - math.pi
+    return value
+
+
+NOMINAL_DIMENSIONS: dict[str, Dimension] = {
+    "inertia": "inertia",
+    "viscous": "torque per velocity",
+    "back_emf": "torque per velocity",
+    "electrical_time_constant": "time",
+    "gravity_sine": "torque",
+    "gravity_cosine": "torque",
+    "load": "torque",
+}
+
+
+def nominal_parameters(
+    nominal: Fitted, final: Fitted, spreads: tuple[Array, Array], j: int, joint: JointUnits, given: Mapping[str, float]
+) -> tuple[NominalParameter, ...]:
+    """Nominal parameters of joint index j before and after the effects, input-equivalent; damping is one number."""
+    found = []
+    for name in NOMINAL[:7]:
+        before, after = (_estimate(f, s, name, j, joint) for f, s in zip((nominal, final), spreads, strict=True))
+        if before is None and after is None:
+            continue
+        none = Estimate(0.0, 0.0, units(NOMINAL_DIMENSIONS[name], joint)[1])
+        title = "damping" if name in ("viscous", "back_emf") else name
+        found.append(NominalParameter(title, none.unit, given.get(title), before or none, after or none))
+    return tuple(found)
+
+
+def _estimate(fitted: Fitted, spread: Array, name: str, j: int, joint: JointUnits) -> Estimate | None:
+    """A free nominal parameter; the free part of the damping stands for all of it."""
+    names = [f.name for f in fitted.point.free]
+    if f"{name}@{j}" not in names:
+        return None
+    i = names.index(f"{name}@{j}")
+    value = float(fitted.point.vector[i])
+    if name in ("viscous", "back_emf"):
+        value = float(fitted.point.parameters[0, j, NOMINAL.index("viscous")])
+        value += float(fitted.point.parameters[0, j, NOMINAL.index("back_emf")])
+    return Estimate(value, float(np.sqrt(max(spread[i, i], 0.0))), units(NOMINAL_DIMENSIONS[name], joint)[1])

@@ -1,0 +1,190 @@
+"""From log files to problems: read and check the logs, choose the joints, say what is known of them beforehand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from diagnosis.nominal import JointStructure
+from envs.compatibility import check_together, with_robot
+from envs.log import Array, Log, LogError
+from envs.log_files import load_with_findings
+from envs.robot import Robot, RobotError
+from envs.robots import find_robot
+
+STILL = 20.0
+"""A joint whose position stays within this many encoder steps is held still."""
+KEPT_APART = 0.25
+"""Share of each log that is kept apart for the gain when no held-out log is given."""
+SHORTEST = 400
+"""Samples below which a log is not divided."""
+
+
+class DiagnosisError(ValueError):
+    """A diagnosis cannot be made, said in one line: what is wrong, what to do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recordings:
+    """Logs to fit and logs to measure the gain on, with everything that was noticed. `on` says what the latter are."""
+
+    fitted: tuple[Log, ...]
+    held_out: tuple[Log, ...]
+    on: str
+    robot: Robot | None
+    findings: tuple[str, ...]
+
+
+def recordings(
+    logs: Sequence[Path], holdout: Sequence[Path], robot: str | None, columns: Path | None, repair: bool
+) -> Recordings:
+    """Read, complete and check all logs. Raises LogError, RobotError or DiagnosisError, one line."""
+    if not logs:
+        raise DiagnosisError("there is no log to diagnose. Give at least one")
+    read = [load_with_findings(path, columns, repair=repair) for path in (*logs, *holdout)]
+    said = [f"{log.name}: {finding.text}" for log, findings in read for finding in findings]
+    return arrange([log for log, _ in read[: len(logs)]], [log for log, _ in read[len(logs) :]], robot, said)
+
+
+def arrange(logs: Sequence[Log], holdout: Sequence[Log], robot: str | None, said: Sequence[str] = ()) -> Recordings:
+    """The same for logs in memory, which have been checked."""
+    findings = list(said)
+    described = named_robot(logs[0], robot, findings)
+    complete = list(logs), list(holdout)
+    if described is not None:
+        for group in complete:
+            for i, log in enumerate(group):
+                group[i], found = with_robot(log, described)
+                findings += [f"{log.name}: {finding.text}" for finding in found]
+    findings += [finding.text for finding in check_together([*complete[0], *complete[1]])]
+    if complete[1]:
+        hashes = {log.content_hash: log.name for log in complete[0]}
+        for log in complete[1]:
+            if log.content_hash in hashes:
+                raise DiagnosisError(
+                    f"the held-out log {log.name} is also fitted ({hashes[log.content_hash]}). Give another one"
+                )
+        return Recordings(tuple(complete[0]), tuple(complete[1]), "held-out", described, tuple(findings))
+    if any(len(log) < SHORTEST for log in complete[0]):
+        raise DiagnosisError(
+            f"no held-out log, and logs of less than {SHORTEST} samples cannot be divided. Give one with --holdout"
+        )
+    cuts = [int(len(log) * (1.0 - KEPT_APART)) for log in complete[0]]
+    findings.append("no held-out log was given: the last quarter of each log is kept apart for the gain")
+    return Recordings(
+        tuple(log.slice(0, cut) for log, cut in zip(complete[0], cuts, strict=True)),
+        tuple(log.slice(cut, len(log)) for log, cut in zip(complete[0], cuts, strict=True)),
+        "last quarter of each log, kept apart",
+        described,
+        tuple(findings),
+    )
+
+
+def named_robot(log: Log, name: str | None, findings: list[str]) -> Robot | None:
+    """The robot asked for, else the one that the log names if it is known."""
+    if name is not None:
+        return find_robot(name)
+    if log.robot is None:
+        return None
+    try:
+        return find_robot(log.robot)
+    except RobotError:
+        findings.append(f"the log names the robot {log.robot}, which is not known here: physical units are left out")
+        return None
+
+
+def moving_joints(logs: Sequence[Log], wanted: int | None, findings: list[str]) -> tuple[int, ...]:
+    """Joints that move in every log; the one asked for must. Others are said and skipped."""
+    first = logs[0]
+    if wanted is not None:
+        first.index(wanted)
+    chosen = []
+    for joint in first.joints if wanted is None else (wanted,):
+        still = [log.name for log in logs if not moves(log, joint)]
+        if not still:
+            chosen.append(joint)
+        else:
+            findings.append(f"joint {joint} is held still in {', '.join(still)} and is skipped")
+    if not chosen:
+        raise LogError(
+            f"no joint to diagnose: {findings[-1]}",
+            remedy="Give logs in which the joint moves and is commanded",
+            source=first.source,
+        )
+    return tuple(chosen)
+
+
+def moves(log: Log, joint: int) -> bool:
+    """True when a joint is commanded and moves by more than its encoder's noise."""
+    column = log.index(joint)
+    step = log.facts[column].encoder_step or 0.0
+    return bool(np.ptp(log.position[:, column]) > max(STILL * step, 1e-9) and np.ptp(log.command[:, column]) > 0.0)
+
+
+def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:
+    """What is known of a joint before any fit: the log says what the command is, the robot the rest."""
+    kind = log.facts[log.index(joint)].input
+    if robot is None:
+        return JointStructure(input=kind, electrical=kind == "voltage")
+    drive = robot.joint(joint).drive
+    amplified = drive.amplifier == "voltage"
+    back_emf = drive.torque_constant**2 / drive.resistance.value if amplified else 0.0
+    viscous = drive.viscous.value
+    total = viscous + back_emf
+    lag = drive.inductance.value / drive.resistance.value if amplified else 0.0
+    return JointStructure(
+        input=drive.amplifier,
+        electrical=amplified and lag > 0.0,
+        gravity=gravity_kind(robot, joint, pose(log, robot)),
+        viscous_share=viscous / total if total > 0.0 else 0.0,
+        electrical_time_constant=lag or None,
+    )
+
+
+def pose(log: Log, robot: Robot) -> Array:
+    """Mean position of every joint of the robot during a log; the middle of the range for joints it does not hold."""
+    found = np.array([_middle(joint.lower.value, joint.upper.value) for joint in robot.joints])
+    for column, joint in enumerate(log.joints):
+        found[joint - 1] = float(np.mean(log.position[:, column]))
+    return found
+
+
+def _middle(lower: float, upper: float) -> float:
+    return 0.5 * (lower + upper) if np.isfinite(lower + upper) else 0.0
+
+
+def gravity_kind(robot: Robot, joint: int, at: Array) -> str:
+    """What gravity does to a joint around a pose: ``none``, ``constant`` or ``pendulum``."""
+    places = np.tile(at, (8, 1))
+    turn = 2.0 * np.pi if robot.joint(joint).unit == "rad" else 0.1
+    places[:, joint - 1] += turn * np.arange(8) / 8
+    torque = robot.body.bias(places, np.zeros_like(places))[:, joint - 1]
+    size = float(np.max(np.abs(torque)))
+    if size < 1e-9:
+        return "none"
+    return "constant" if np.ptp(torque) < 1e-6 * size else "pendulum"
+
+
+def given_numbers(robot: Robot, joint: int, log: Log) -> dict[str, float]:
+    """The robot's own nominal parameters in the models' units, by the names of the kernel's columns."""
+    drive = robot.joint(joint).drive
+    at, unit = pose(log, robot), drive.input_equivalent
+    numbers = {
+        "inertia": unit * float(robot.inertia_matrix(at)[joint - 1, joint - 1]),
+        "viscous": unit * drive.viscous.value,
+    }
+    if drive.amplifier == "voltage":
+        numbers["back_emf"] = drive.torque_constant / drive.amplifier_gain.value
+        numbers["electrical_time_constant"] = drive.inductance.value / drive.resistance.value
+    kind = gravity_kind(robot, joint, at)
+    bias = lambda angle: unit * float(  # noqa: E731
+        robot.body.bias(np.where(np.arange(len(at)) == joint - 1, angle, at), np.zeros_like(at))[joint - 1]
+    )
+    if kind == "constant":
+        numbers["load"] = bias(at[joint - 1])
+    elif kind == "pendulum":
+        numbers["gravity_sine"], numbers["gravity_cosine"] = bias(0.5 * np.pi), bias(0.0)
+    return numbers

@@ -1,0 +1,170 @@
+"""A fitted model on logs that it has not seen: input-equivalent residual, free simulation in windows, noise floor.
+
+Windows begin in the state of the leaking observer, corrected by what the measurement says of angle and velocity there;
+states without a sensor (winding, lag, temperature, load side, bristles) are those of the observer.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.signal import lfilter, savgol_filter
+
+from diagnosis.estimation import Fitted, Point
+from diagnosis.problem import Problem, smooth_derivatives
+from envs.log import Array
+from methods.kernel import NOMINAL
+
+CORRECTION = 0.1
+"""Length of the smoothing that estimates the state at the beginning of a window [s]."""
+SMOOTHING = 0.03
+"""Length of the smoothing of the input-equivalent residual [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """One model on one problem's logs.
+
+    prediction: error with the leak, (T, n). windows: error of free simulation, (T, n), NaN outside of windows.
+    whole: the same from the end of the burn-in to the end of each log. microseconds: of one simulated sample.
+    """
+
+    prediction: Array
+    windows: Array
+    whole: Array
+    motor_torque: Array
+    microseconds: float
+
+
+def transfer(problem: Problem, point: Point) -> Point:
+    """A point fitted on other logs, made ready for these: what holds for all logs stays, initial states are new.
+
+    Effects that occur in one of the fitted logs only (their amplitudes are zero in the others) are left out.
+    """
+    parameters = np.repeat(point.parameters[:1], problem.logs, axis=0)
+    for f in point.free:
+        if f.kind == "log":
+            parameters[:, f.joint, f.column] = point.parameters[:, f.joint, f.column].mean()
+    switches = point.switches.copy()
+    for effect in problem.kernel.effects:
+        offset, column = problem.kernel.offsets[effect.name], problem.kernel.switches[effect.name]
+        for j in np.flatnonzero(switches[:, column]):
+            amplitudes = point.parameters[:, j, [offset + a for a in effect.amplitudes]]
+            if effect.scan == "event" and len(amplitudes) > 1 and np.any(np.all(amplitudes == 0.0, axis=1)):
+                switches[j, column] = False
+    return replace(point, parameters=parameters, switches=switches, starts=problem.starts.copy(), free=())
+
+
+def replay(problem: Problem, point: Point, window: float = 1.0) -> Replay:
+    """Simulate a point on the logs of a problem: with the leak, freely in windows [s], and freely as a whole."""
+    module, n = problem.kernel.module, problem.joints
+    shape = problem.reading.shape
+    prediction, torque = np.zeros(shape), np.zeros(shape)
+    windows, whole = np.full(shape, np.nan), np.full(shape, np.nan)
+    simulated, seconds = 0, 0.0
+    for log, (a, b) in enumerate(pairwise(problem.bounds)):
+        near = problem.neighbour[a:b] if len(problem.neighbour) else np.zeros((0, n, 3))
+        signals = (problem.time[a:b], problem.command[a:b], problem.cumulative[a:b], problem.hold, problem.reading[a:b])
+        model = (point.parameters[log], point.switches, problem.pair, point.rigid)
+        count = b - a
+        first = int(np.searchsorted(signals[0] - signals[0][0], problem.burn_in))
+        width = max(8, round(window / problem.sample_time))
+        begins = [*range(first, count - width + 1, width)] or [first]
+
+        inputs = (*signals, near, np.zeros((0, n)))
+        pull, free = (problem.leak, problem.rate_leak, problem.substeps), (0.0, 0.0, problem.substeps)
+        states, bristles = np.zeros((n, 7)), np.zeros(n)
+        module.begin(point.starts[log], signals[1][0], states)
+        motion, held = np.zeros((count, n, 3)), []
+        at = 0
+        for begin in (*begins, count):
+            module.advance(at, begin, *inputs, states, bristles, *model, *pull, prediction[a:b], motion)
+            held.append((states.copy(), bristles.copy()))
+            at = begin
+        torque[a:b] = motion[:, :, 2]
+        shift = corrections(problem, prediction[a:b])
+        started = clock.perf_counter()
+        scratch, none = np.zeros((count, n)), np.zeros((0, n, 3))
+        for begin, state in zip(begins, held, strict=False):
+            stop = min(begin + width, count)
+            module.advance(begin, stop, *inputs, *corrected(state, shift[begin]), *model, *free, scratch, none)
+            windows[a:b][begin:stop] = scratch[begin:stop]
+        seconds += clock.perf_counter() - started
+        simulated += len(begins) * width
+        module.advance(first, count, *inputs, *corrected(held[0], shift[first]), *model, *free, scratch, none)
+        whole[a:b][first:] = scratch[first:]
+    return Replay(prediction, windows, whole, torque, 1e6 * seconds / max(simulated, 1))
+
+
+def corrections(problem: Problem, error: Array) -> Array:
+    """What to add to the observer's angle and velocity, (T, n, 2): smoothed error e, and e' + leak e."""
+    smooth, rate, _ = smooth_derivatives(np.arange(len(error)) * problem.sample_time, error, CORRECTION)
+    return np.stack([smooth, rate + problem.leak * smooth], axis=-1)
+
+
+def corrected(state: tuple[Array, Array], shift: Array) -> tuple[Array, Array]:
+    """A copy of the observer's states with angle and velocity (of motor and load side) corrected; shift (n, 2)."""
+    states, bristles = state[0].copy(), state[1].copy()
+    for motor, load in ((0, 5), (1, 6)):
+        states[:, motor] += shift[:, motor]
+        states[:, load] += shift[:, motor]
+    return states, bristles
+
+
+def input_equivalent(problem: Problem, point: Point, error: Array) -> Array:
+    """Prediction errors (T, n) as the command that explains them: J (e'' + leak e') + B (e' + leak e), smoothed."""
+    result = np.zeros_like(error)
+    for log, (a, b) in enumerate(pairwise(problem.bounds)):
+        e, rate, bend = smooth_derivatives(problem.time[a:b], error[a:b], max(SMOOTHING, 8 * problem.sample_time))
+        p = point.parameters[log]
+        inertia = p[:, NOMINAL.index("inertia")]
+        damping = p[:, NOMINAL.index("viscous")] + p[:, NOMINAL.index("back_emf")]
+        result[a:b] = inertia * (bend + problem.leak * rate) + damping * (rate + problem.leak * e)
+    return result
+
+
+def rms(error: Array) -> float:
+    """Root mean square of the finite values."""
+    return float(np.sqrt(np.mean(np.square(error[np.isfinite(error)]))))
+
+
+def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovation: float, coloured: bool) -> float:
+    """Window error [rad or m] that the true model would have: only noise drives it.
+
+    Prediction errors are drawn from the autoregressive model of the fit (`coloured`) or as white sensor noise; in a
+    window that starts at t0 the free error is ``e(t) - q0 + leak int e - v0 tau (1 - exp(-(t - t0) / tau))`` with the
+    corrections q0, v0 of the initial state and tau = J / B.
+    """
+    rng = np.random.default_rng(0)
+    dt, width = problem.sample_time, max(8, round(window / problem.sample_time))
+    count = max(40 * width, 20_000)
+    white = rng.standard_normal(count + 2000) * innovation
+    error = lfilter([1.0], fitted.whitener.coefficients[j], white) if coloured else white
+    error = error[2000:]
+    span = min(max(7, 2 * round(0.5 * CORRECTION / dt) + 1), count // 2 * 2 - 1)
+    q0 = savgol_filter(error, span, 3)
+    v0 = savgol_filter(error, span, 3, deriv=1, delta=dt) + problem.leak * q0
+    p = fitted.point.parameters[0, j]
+    damping = p[NOMINAL.index("viscous")] + p[NOMINAL.index("back_emf")]
+    tau = p[NOMINAL.index("inertia")] / max(abs(damping), 1e-12)
+    begins = np.arange(span, count - width - span, width)
+    since = np.arange(width) * dt
+    pieces = np.stack([error[s : s + width] for s in begins])
+    drift = problem.leak * dt * np.cumsum(np.pad(pieces[:, :-1], ((0, 0), (1, 0))), axis=1)
+    response = tau * -np.expm1(-since / tau)
+    return rms(pieces + drift - q0[begins, None] - v0[begins, None] * response)
+
+
+def in_blocks(error: Array, bounds: np.ndarray, width: int) -> Array:
+    """Mean squares of the finite values in consecutive blocks of `width` samples of every log, shape (blocks,)."""
+    found = []
+    for a, b in pairwise(bounds):
+        for start in range(a, b, width):
+            values = error[start : min(start + width, b)]
+            values = values[np.isfinite(values)]
+            if len(values) >= width // 2:
+                found.append(np.mean(values**2))
+    return np.array(found)

@@ -24,12 +24,16 @@ class Settings:
 
     threshold: least evidence of an effect. material: least effect of its torque, as a share of the command's rms.
     rival: evidence within which two explanations cannot be told apart. limit: largest number of effects.
+    minor: share of all that was explained below which a further effect is taken for an inexact law of another.
+    doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`.
     """
 
     threshold: float = 12.0
     material: float = 2e-4
     rival: float = 6.0
     limit: int = 4
+    minor: float = 0.01
+    doubtful: float = 0.15
     unexplained: float = 0.03
 
 
@@ -91,8 +95,14 @@ def find(
     present: set[tuple[str, int]] = set()
     while len(accepted) < settings.limit * problem.joints:
         tell(f"looking for effect {len(accepted) + 1}")
-        ranked = try_all(problem, base, hypotheses_of(effects, problem.joints, present))
-        chosen = choose(problem, ranked, settings)
+        complete = bool(accepted) and sum(remainder(problem, base, j).excess for j in range(problem.joints)) == 0.0
+        ranked = try_all(
+            problem,
+            base,
+            hypotheses_of(effects, problem.joints, present),
+            threshold=settings.threshold if complete else -np.inf,
+        )
+        chosen = choose(problem, ranked, settings, nominal.criterion - base.criterion)
         if chosen is None:
             break
         accepted.append(chosen)
@@ -103,15 +113,18 @@ def find(
         steps.append(base)
         accepted, base = prune(problem, nominal, accepted, base, settings)
     left = tuple(remainder(problem, base, j) for j in range(problem.joints))
+    accepted, base, left = trim(problem, nominal, accepted, base, left, settings)
     return Finding(verdict(nominal, base, accepted, left, settings), nominal, tuple(accepted), base, left, tuple(steps))
 
 
-def choose(problem: Problem, ranked: list[Scored], settings: Settings) -> Accepted | None:
+def choose(problem: Problem, ranked: list[Scored], settings: Settings, explained: float) -> Accepted | None:
     """The best hypothesis that is significant and material; among near equals the one with fewest parameters."""
     if not ranked:
         return None
     top = ranked[0]
     margin = max(settings.rival, 0.02 * top.decrease)
+    if top.decrease < settings.minor * explained:
+        return None
     near = [s for s in ranked if s.decrease >= top.decrease - margin and s.evidence > settings.threshold]
     near.sort(key=lambda s: (s.start.hypothesis.effect.size, -s.evidence))
     for scored in near:
@@ -136,6 +149,8 @@ def prune(
     while changed:
         changed = False
         for item in accepted[:-1]:
+            if wald(base, item) > 20.0 * (item.scored.price + settings.threshold):
+                continue
             smaller = without(problem, base, item)
             if smaller.criterion - base.criterion < item.scored.price + settings.threshold:
                 accepted = [other for other in accepted if other is not item]
@@ -144,13 +159,45 @@ def prune(
     return accepted, base
 
 
+def wald(base: Fitted, item: Accepted) -> float:
+    """Wald statistic of an effect's amplitudes: what its removal would cost to first order."""
+    effect = item.scored.start.hypothesis.effect
+    names = [effect.parameters[a].name for a in (effect.amplitudes or range(effect.size))]
+    wanted = [
+        i for i, f in enumerate(base.point.free) for name in names if f.name.startswith(f"{item.name}.{name}@{item.joint}")
+    ]
+    values = base.point.vector[wanted]
+    return float(values @ np.linalg.pinv(base.covariance[np.ix_(wanted, wanted)]) @ values)
+
+
+def trim(
+    problem: Problem, nominal: Fitted, accepted: list[Accepted], base: Fitted, left: tuple[Remainder, ...], settings: Settings
+) -> tuple[list[Accepted], Fitted, tuple[Remainder, ...]]:
+    """Take back small effects while the model stays incomplete: they may only repair the inexact law of a large one."""
+    explained = nominal.criterion - base.criterion
+    while len(accepted) > 1 and sum(r.excess for r in left) > 0.2 * (weakest := _weakest(problem, base, accepted))[1]:
+        item, loss, smaller = weakest
+        if loss > settings.doubtful * explained:
+            break
+        accepted = [other for other in accepted if other is not item]
+        base = smaller
+        left = tuple(remainder(problem, base, j) for j in range(problem.joints))
+    return accepted, base, left
+
+
+def _weakest(problem: Problem, base: Fitted, accepted: Sequence[Accepted]) -> tuple[Accepted, float, Fitted]:
+    """The effect whose removal costs least, that cost, and the model without it."""
+    options = [(item, smaller.criterion - base.criterion, smaller) for item in accepted for smaller in [without(problem, base, item)]]
+    return min(options, key=lambda option: option[1])
+
+
 def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
     """The model refitted without one of its effects."""
     prefix, joint = item.name + ".", item.joint
     switches = base.point.switches.copy()
     switches[joint, problem.kernel.switches[item.name]] = False
     free = tuple(f for f in base.point.free if not (f.name.startswith(prefix) and f.joint == joint))
-    return fit(problem, replace(base.point, switches=switches, free=free), rounds=2, iterations=8)
+    return fit(problem, replace(base.point, switches=switches, free=free), rounds=2, iterations=4, tolerance=1e-4)
 
 
 def verdict(

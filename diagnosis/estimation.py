@@ -96,8 +96,7 @@ def whitener(problem: Problem, error: Array, order: int | None = None) -> Whiten
         first = start + int(np.argmax(problem.used[start:stop]))
         mask[first : first + order] = False
     rows = np.flatnonzero(mask)
-    if len(rows) > 60_000:
-        rows = rows[:: len(rows) // 60_000 + 1] if len(rows) > 240_000 else rows[-60_000:]
+    rows = rows[:: len(rows) // 40_000 + 1]
     filters = np.zeros((problem.joints, order + 1))
     for j in range(problem.joints):
         lagged = np.stack([error[rows - i, j] for i in range(order + 1)])
@@ -210,7 +209,7 @@ def fit(
             diagonal = np.maximum(np.diag(gram), 1e-30 * max(np.max(np.diag(gram)), 1e-300))
             count += 1
             trials = []
-            for factor in (damping * 0.03, damping, damping * 30.0, damping * 3e3):
+            for factor in (damping * 0.1, damping * 100.0):
                 matrix = gram + factor * np.diag(diagonal)
                 step = np.linalg.lstsq(matrix / np.sqrt(np.outer(diagonal, diagonal)), -gradient / np.sqrt(diagonal), rcond=1e-13)[0]
                 vector = np.clip(point.vector + step / np.sqrt(diagonal), lower, upper)
@@ -219,11 +218,11 @@ def fit(
             costs = [float(np.sum((filter_(outcome) * scale) ** 2)) for outcome in outcomes]
             best = int(np.argmin(costs))
             if not costs[best] < base:
-                damping = min(damping * 1e3, 1e6)
-                if damping >= 1e6:
+                if damping >= 1e3:
                     break
+                damping *= 1e4
                 continue
-            damping = max(trials[best][0], 1e-9)
+            damping = max(trials[best][0], 1e-7)
             point, error = trials[best][1], outcomes[best]
             if costs[best] > base * (1.0 - tolerance):
                 break

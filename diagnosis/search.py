@@ -45,23 +45,31 @@ def try_all(
     base: Fitted,
     effects: Sequence[tuple[Effect, int]],
     *,
-    refine: int = 8,
+    refine: int = 7,
     finals: int = 3,
+    threshold: float = -np.inf,
 ) -> list[Scored]:
-    """Every hypothesis on top of a base model, best first; only the promising ones are refined."""
+    """Every hypothesis on top of a base model, best first; only the promising ones are refined.
+
+    Returns nothing when no linear prediction of the evidence reaches the threshold.
+    """
     base = _with_reference(problem, base)
     starts = proposals(problem, base, effects, sizes_of(problem, base))
+    if not starts or max(start.promise - price(problem, start, base.samples) for start in starts) < threshold:
+        return []
     rough = []
     for start in starts[:refine]:
         point = extend(problem, base.point, start.hypothesis, start.values)
-        fitted = fit(problem, point, base.whitener, rounds=1, iterations=4, tolerance=1e-4)
+        fitted = fit(problem, point, base.whitener, rounds=1, iterations=3, tolerance=1e-3)
         rough.append(Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples)))
     rough.sort(key=lambda s: -s.evidence)
     final = []
     for scored in rough[:finals]:
-        fitted = fit(problem, scored.fitted.point, rounds=3, iterations=8)
+        if final and scored.decrease < 0.2 * final[0].decrease:
+            break
+        fitted = fit(problem, scored.fitted.point, scored.fitted.whitener, rounds=3, iterations=5)
         final.append(replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion))
-    return sorted(final + rough[finals:], key=lambda s: -s.evidence)
+    return sorted(final + rough[len(final) :], key=lambda s: -s.evidence)
 
 
 def _with_reference(problem: Problem, base: Fitted) -> Fitted:

@@ -1,0 +1,261 @@
+"""What an effect leaves behind in the logs, as a torque against the signal that tells it: a partial-residual plot.
+
+The prediction error e of a simulation with leak L is turned back into the input-equivalent torque d that the model
+lacks, by the joint's own equation of motion: inertia J, viscous damping b, back-EMF k behind the winding's lag T::
+
+    s = e' + L e                           error of the model's velocity
+    d = J s' + b s + k s / (T p + 1)
+
+Derivatives come from local cubic fits over one window for all curves, so that sums stay sums. With d_off of the model
+whose effect is switched off (all other parameters as finally estimated) and d of the whole model, ``law = d_off - d``
+is the effect's share and ``d_off = law + d`` is what it has to explain. For an error of the sensor the same holds for
+the reading, ``integral of s``.
+
+Source: R. D. Cook, Exploring partial residual plots, Technometrics 35 (1993).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.signal import detrend, lfilter, savgol_filter
+
+from diagnosis.engine import Accepted, Finding
+from diagnosis.estimation import Fitted, Point, errors
+from diagnosis.nominal import COLUMN
+from diagnosis.parameters import JointUnits
+from diagnosis.problem import Problem, smooth_derivatives
+from diagnosis.remainder import Remainder
+from diagnosis.result import PartialResidual, Quantiles
+from envs.log import Array
+from methods.effects.base import Effect
+
+WINDOWS = (0.015, 0.03, 0.06, 0.12, 0.24)
+"""Smoothing windows [s] to choose from; the shortest that shows the effect well above the noise is taken."""
+BINS = 61
+SHOWN_RIVALS = 2
+SHOWN_DEPENDENCES = 2
+
+
+def partial_residuals(problem: Problem, finding: Finding, joint: int, units: JointUnits) -> tuple[PartialResidual, ...]:
+    """One per named effect of a joint (index into the problem), then what is left against the most telling signals."""
+    named = [_of_effect(problem, finding.final, item, units) for item in finding.accepted if item.joint == joint]
+    signals = _signals_left(finding.remainders[joint])
+    return (*named, *(_of_remainder(problem, finding.final, joint, signal, units) for signal in signals))
+
+
+def _signals_left(left: Remainder) -> list[str]:
+    """The strongest dependences; velocity and position where there are none, to show that nothing is there."""
+    real = [d.signal for d in left.dependences if d.p_value < 1e-3]
+    chosen = list(dict.fromkeys("velocity" if name == "direction" else name for name in real))
+    return (chosen if left.excess > 0 and chosen else ["velocity", "position"])[:SHOWN_DEPENDENCES]
+
+
+def missing_torque(problem: Problem, point: Point, error: Array, joint: int, seconds: float) -> Array:
+    """Input-equivalent torque (T,) that explains a prediction error (T, n) of one joint."""
+    out = np.zeros(len(problem.time))
+    dt, leak = problem.sample_time, problem.leak
+    for log, (a, b) in enumerate(zip(problem.bounds[:-1], problem.bounds[1:], strict=True)):
+        parameters = point.parameters[log, joint]
+        e, de, dde = _derivatives(error[a:b, joint], dt, seconds)
+        velocity = de + leak * e
+        braking = velocity
+        lag = parameters[COLUMN["electrical_time_constant"]]
+        if lag > 0:
+            keep = np.exp(-dt / lag)
+            braking = lfilter([1.0 - keep], [1.0, -keep], velocity)
+        out[a:b] = (
+            parameters[COLUMN["inertia"]] * (dde + leak * de)
+            + parameters[COLUMN["viscous"]] * velocity
+            + parameters[COLUMN["back_emf"]] * braking
+        )
+    return out
+
+
+def missing_reading(problem: Problem, error: Array, joint: int) -> Array:
+    """Error of the reading (T,) that explains a prediction error (T, n), up to a straight line in each log."""
+    out = np.zeros(len(problem.time))
+    for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
+        e = error[a:b, joint]
+        out[a:b] = detrend(e + problem.leak * problem.sample_time * np.cumsum(e))
+    return out
+
+
+def _derivatives(error: Array, dt: float, seconds: float) -> tuple[Array, Array, Array]:
+    window = max(5, 2 * round(0.5 * seconds / dt) + 1)
+    window = min(window, (len(error) - 1) // 2 * 2 - 1)
+    e, de, dde = (savgol_filter(error, window, 3, deriv=d, delta=dt) for d in range(3))
+    return e, de, dde
+
+
+def without_effect(problem: Problem, point: Point, effect: str, joint: int) -> Point:
+    """The same model, nothing refitted, with one effect switched off."""
+    switches = point.switches.copy()
+    switches[joint, problem.kernel.switches[effect]] = False
+    return replace(point, switches=switches)
+
+
+def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnits) -> PartialResidual:
+    """The partial residual of one effect of the final model, with the laws of its closest rivals."""
+    effect, joint = item.scored.start.hypothesis.effect, item.joint
+    sensor = effect.slot == "sensor"
+    rivals = [s for s in item.rivals if s.start.hypothesis.joint == joint][:SHOWN_RIVALS]
+
+    def share(fitted: Fitted, name: str) -> Array:
+        return errors(problem, [without_effect(problem, fitted.point, name, joint)])[0] - fitted.error
+
+    def transformed(error: Array, seconds: float) -> Array:
+        if sensor:
+            return missing_reading(problem, error, joint)
+        return missing_torque(problem, final.point, error, joint, seconds)
+
+    own = share(final, item.name)
+    seconds = WINDOWS[-1]
+    for seconds in WINDOWS:
+        law, after = transformed(own, seconds), transformed(final.error, seconds)
+        if np.std(after[problem.used]) < 0.3 * np.std(law[problem.used]):
+            break
+    laws = [(item.name, law), *((s.name, transformed(share(s.fitted, s.name), seconds)) for s in rivals)]
+    name = "velocity" if effect.variable == "direction" else effect.variable
+    x, unit = _signal(problem, final.point, joint, name, units)
+    frame = PartialResidual(
+        effect=effect.name,
+        kind="reading" if sensor else "command",
+        signal=name if unit != "s" else "elapsed time",
+        signal_unit=unit,
+        unit=units.position if sensor else units.command,
+        x=x,
+        before=Quantiles(law + after, law + after, law + after),
+        after=Quantiles(after, after, after),
+        laws=tuple(laws),
+        samples=np.zeros((2, 0)),
+        continuous=unit == "s",
+    )
+    if frame.continuous:
+        return _stretch(problem, frame)
+    return _binned(frame, _shown(problem, final.point, effect, joint, x))
+
+
+def _of_remainder(problem: Problem, final: Fitted, joint: int, signal: str, units: JointUnits) -> PartialResidual:
+    """What the final model leaves, against one signal of the log."""
+    left = missing_torque(problem, final.point, final.error, joint, WINDOWS[2])
+    x, unit = _signal(problem, final.point, joint, signal, units)
+    same = Quantiles(left, left, left)
+    frame = PartialResidual(
+        None, "command", signal, unit, units.command, x, same, same, (), np.zeros((2, 0)), continuous=False
+    )
+    return _binned(frame, problem.used & _core(x, problem.used))
+
+
+def _signal(problem: Problem, point: Point, joint: int, name: str, units: JointUnits) -> tuple[Array, str]:
+    """A signal (T,) by its name in `Effect.variable`, and its unit; elapsed time [s] where the logs cannot give it."""
+    parts: list[Array] = []
+    unit = "s"
+    seconds = max(0.02, 5 * problem.sample_time)
+    for log, (a, b) in enumerate(zip(problem.bounds[:-1], problem.bounds[1:], strict=True)):
+        q, dq, ddq = (x[:, 0] for x in smooth_derivatives(problem.time[a:b], problem.reading[a:b, [joint]], seconds))
+        if name == "position":
+            unit, part = units.position, problem.reading[a:b, joint]
+        elif name == "velocity":
+            unit, part = f"{units.position}/s", dq
+        elif name == "acceleration":
+            unit, part = f"{units.position}/s²", ddq
+        elif name == "command":
+            unit, part = units.command, problem.command[a:b, joint]
+        elif name == "motor torque":
+            unit = units.command
+            part = problem.command[a:b, joint] - point.parameters[log, joint, COLUMN["back_emf"]] * dq
+        elif name == "position since reversal":
+            unit, part = units.position, _since_reversal(q, dq)
+        elif name == "another joint" and len(problem.neighbour):
+            unit, part = f"{units.position}/s²", problem.neighbour[a:b, joint, 0]
+        else:
+            part = problem.time[a:b] - problem.time[a]
+        parts.append(part)
+    return np.concatenate(parts), unit
+
+
+def _since_reversal(q: Array, dq: Array) -> Array:
+    """Signed travel since the velocity last changed its sign (T,)."""
+    turned = np.zeros(len(q), dtype=int)
+    turns = np.flatnonzero(np.diff(np.sign(dq)) != 0) + 1
+    turned[turns] = turns
+    travel: Array = q - q[np.maximum.accumulate(turned)]
+    return travel
+
+
+def _core(x: Array, used: np.ndarray) -> np.ndarray:
+    low, high = np.quantile(x[used], [0.002, 0.998])
+    inside: np.ndarray = (x >= low) & (x <= high)
+    return inside
+
+
+def _shown(problem: Problem, point: Point, effect: Effect, joint: int, x: Array) -> np.ndarray:
+    """Samples to be shown: the core of the signal's range, or six periods of an effect that repeats with the angle."""
+    mask = problem.used & _core(x, problem.used)
+    names = [parameter.name for parameter in effect.parameters]
+    if "cycles_per_rev" not in names:
+        return mask
+    column = problem.kernel.offsets[effect.name] + names.index("cycles_per_rev")
+    width = 6 * 2 * np.pi / float(point.parameters[0, joint, column])
+    if np.ptp(x[mask]) <= width:
+        return mask
+    counts, edges = np.histogram(x[mask], bins=max(2, int(np.ptp(x[mask]) / width)))
+    first = edges[int(np.argmax(counts))]
+    return mask & (x >= first) & (x <= first + width)
+
+
+def _binned(frame: PartialResidual, mask: np.ndarray) -> PartialResidual:
+    """Medians and quantiles of samples (T,) in equal bins of the signal; bins of fewer than eight are left out."""
+    x = frame.x[mask]
+    edges = np.linspace(x.min(), x.max(), BINS + 1)
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, BINS - 1)
+    order = np.argsort(place, kind="stable")
+    limits = np.searchsorted(place[order], np.arange(BINS + 1))
+    kept = [k for k in range(BINS) if limits[k + 1] - limits[k] >= 8]
+
+    def quantiles(values: Array) -> Quantiles:
+        y = values[mask][order]
+        rows = [np.quantile(y[limits[k] : limits[k + 1]], [0.5, 0.1, 0.9]) for k in kept]
+        return Quantiles(*np.array(rows).reshape(-1, 3).T)
+
+    step = max(1, len(x) // 600)
+    return replace(
+        frame,
+        x=0.5 * (edges[1:] + edges[:-1])[kept],
+        before=quantiles(frame.before.middle),
+        after=quantiles(frame.after.middle),
+        laws=tuple((name, quantiles(values).middle) for name, values in frame.laws),
+        samples=np.stack([x[::step], frame.before.middle[mask][::step]]),
+    )
+
+
+def _stretch(problem: Problem, frame: PartialResidual) -> PartialResidual:
+    """About twelve swings of the law around its largest value, or all of its log where it swings less."""
+    law = np.where(problem.used, frame.laws[0][1], 0.0)
+    log = int(np.searchsorted(problem.bounds, int(np.argmax(np.abs(law))), side="right") - 1)
+    own = np.flatnonzero(problem.used[problem.bounds[log] : problem.bounds[log + 1]]) + int(problem.bounds[log])
+    time, values = frame.x[own], law[own]
+    peak = int(np.argmax(np.abs(values)))
+    active = np.abs(values) > 0.05 * np.abs(values[peak])
+    swings = int(np.sum(np.diff(np.sign(values[active])) != 0))
+    lasting = float(active.sum()) * problem.sample_time
+    if active.mean() < 0.2:
+        length = 6 * lasting
+    elif swings > 12:
+        length = 12 * lasting / swings
+    else:
+        length = float(time[-1] - time[0])
+    length = max(length, 60 * problem.sample_time)
+    begin = min(max(float(time[peak]) - length / 2, float(time[0])), max(float(time[-1]) - length, float(time[0])))
+    rows = own[(time >= begin) & (time <= begin + length)]
+    rows = rows[:: max(1, len(rows) // 600)]
+    pick = lambda q: Quantiles(q.middle[rows], q.low[rows], q.high[rows])  # noqa: E731
+    return replace(
+        frame,
+        x=frame.x[rows],
+        before=pick(frame.before),
+        after=pick(frame.after),
+        laws=tuple((name, values[rows]) for name, values in frame.laws),
+    )

@@ -74,7 +74,7 @@ def floor_of(problem: Problem, finding: Finding, j: int) -> float:
 
 
 def rows(
-    problem: Problem, held_out: Problem, found: list[Step], j: int, joint: int, floor: float, rng: np.random.Generator
+    held_out: Problem, found: list[Step], j: int, joint: int, floor: float, rng: np.random.Generator
 ) -> list[LedgerRow]:
     """The ledger of joint index j, numbered `joint` on the robot."""
     width = max(8, round(WINDOW / held_out.sample_time))

@@ -1,0 +1,304 @@
+"""The diagnosis as a whole: from log files to verdict, named effects, extended model, gain, and files.
+
+`diagnose` works in memory; `diagnose_files` reads and writes. Every joint that moves is diagnosed; the first two joints
+of a planar arm that move together are one problem.
+"""
+
+from __future__ import annotations
+
+import platform
+import time as clock
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import welch
+
+from diagnosis.engine import Accepted, Finding, Settings, Verdict, find
+from diagnosis.ledger import Step, floor_of, gap, given_point, rows, steps
+from diagnosis.nominal import JointStructure
+from diagnosis.output import to_json
+from diagnosis.parameters import JointUnits, covariance, effect_parameters, joint_units, nominal_parameters
+from diagnosis.preparation import (
+    Recordings,
+    given_numbers,
+    moving_joints,
+    recordings,
+    structure,
+)
+from diagnosis.problem import Problem, smooth_derivatives, stack
+from diagnosis.replay import input_equivalent
+from diagnosis.result import (
+    Alternative,
+    Diagnosis,
+    Evidence,
+    Gap,
+    JointResult,
+    LedgerRow,
+    NamedEffect,
+    Provenance,
+    Series,
+    SignalDependence,
+    Spectrum,
+)
+from diagnosis.search import Scored
+from diagnosis.text import joint_sentence, table
+from envs.log import Array, Log
+from envs.log_files import write_atomically
+from methods.effects import built_in
+from methods.effects.base import Effect
+from methods.kernel import NOMINAL, build
+
+PLOTTED = 4000
+"""Samples of a signal that are kept for plots."""
+WORST: tuple[Verdict, ...] = ("unknown", "ambiguous", "named", "none")
+"""Verdicts of several joints: the first that any of them has is that of all."""
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """One problem (a joint, or a coupled pair) from logs to ledger; arrays are those of the held-out logs."""
+
+    joints: tuple[int, ...]
+    structures: tuple[JointStructure, ...]
+    units: tuple[JointUnits, ...]
+    problem: Problem
+    held_out: Problem
+    finding: Finding
+    ledger: tuple[Step, ...]
+
+
+def diagnose_files(
+    logs: Sequence[Path],
+    holdout: Sequence[Path],
+    robot: str | None,
+    joint: int | None,
+    out: Path,
+    *,
+    columns: Path | None = None,
+    repair: bool = False,
+) -> str:
+    """Diagnose log files, write the results into the folder `out`, and return what the terminal shows.
+
+    Nothing is written unless everything is ready. Raises LogError, RobotError or DiagnosisError for unusable input.
+    """
+    from rich.console import Console
+
+    out = Path(out)
+    if out.exists() and not out.is_dir():
+        raise FileExistsError(f"{out} is a file. Give a folder with --out")
+    with Console(stderr=True).status("reading logs") as status:
+        started = clock.perf_counter()
+        read = recordings(logs, holdout, robot, columns, repair)
+        seconds = {"reading": clock.perf_counter() - started}
+        diagnosis = diagnose(read, joint, tell=status.update, seconds=seconds)
+        write_atomically({out / "diagnosis.json": to_json(diagnosis).encode()})
+    return table(diagnosis)
+
+
+def diagnose(
+    read: Recordings,
+    joint: int | None = None,
+    *,
+    settings: Settings | None = None,
+    effects: Sequence[Effect] | None = None,
+    tell: Tell = lambda text: None,
+    seconds: dict[str, float] | None = None,
+) -> Diagnosis:
+    """Diagnose recordings in memory; `effects` is the vocabulary (all known ones unless given)."""
+    settings, seconds = settings or Settings(), {} if seconds is None else seconds
+    known = tuple(built_in() if effects is None else effects)
+    findings = list(read.findings)
+    joints = moving_joints(read.fitted, joint, findings)
+    rng = np.random.default_rng(0)
+    results, gaps, ledger = [], [], []
+    for group in ((number,) for number in joints):
+        solved = solve(read, group, known, settings, tell, seconds)
+        started = clock.perf_counter()
+        tell(f"joint {', '.join(map(str, group))}: measuring the gain")
+        for j in range(len(group)):
+            result, own_gap, own_rows = joint_result(solved, j, read.on, rng)
+            results.append(result)
+            gaps.append(own_gap)
+            ledger += own_rows
+        seconds["results"] = seconds.get("results", 0.0) + clock.perf_counter() - started
+    by_joint = {item.joint: item for item in gaps}
+    gaps.sort(key=lambda item: -item.before / max(item.noise_floor, 1e-300))
+    verdict = next(v for v in WORST if any(result.verdict == v for result in results))
+    return Diagnosis(
+        verdict=verdict,
+        sentence=" ".join(joint_sentence(result, by_joint[result.joint]) for result in results),
+        joints=tuple(results),
+        gaps=tuple(gaps),
+        ledger=tuple(ledger),
+        next_experiment=None,
+        provenance=provenance(read, settings, seconds, findings),
+    )
+
+
+def solve(
+    read: Recordings,
+    group: tuple[int, ...],
+    effects: Sequence[Effect],
+    settings: Settings,
+    tell: Tell,
+    seconds: dict[str, float],
+) -> Solved:
+    """Find the effects of one problem and replay the models on the held-out logs."""
+    started = clock.perf_counter()
+    name = f"joint {', '.join(map(str, group))}"
+    kernel = build(built_in() if set(effects) <= set(built_in()) else effects)
+    first = read.fitted[0]
+    structures = tuple(structure(first, number, read.robot) for number in group)
+    problem = stack(kernel, read.fitted, group, pair=len(group) > 1)
+    held_out = stack(kernel, read.held_out, group, pair=len(group) > 1)
+    units = tuple(
+        joint_units(
+            structures[j].input,
+            first.facts[first.index(number)].position_unit,
+            None if read.robot is None else read.robot.joint(number),
+        )
+        for j, number in enumerate(group)
+    )
+    finding = find(problem, structures, effects, settings, lambda text: tell(f"{name}: {text}"))
+    found = clock.perf_counter()
+    given = None
+    if read.robot is not None and len(group) == 1:
+        given = given_point(finding.nominal, 0, given_numbers(read.robot, group[0], first))
+    ledger = tuple(steps(problem, held_out, finding, given))
+    seconds["search"] = seconds.get("search", 0.0) + found - started
+    seconds["ledger"] = seconds.get("ledger", 0.0) + clock.perf_counter() - found
+    return Solved(group, structures, units, problem, held_out, finding, ledger)
+
+
+def joint_result(
+    solved: Solved, j: int, on: str, rng: np.random.Generator
+) -> tuple[JointResult, Gap, list[LedgerRow]]:
+    """Everything about joint index j of a solved problem."""
+    finding, joint, units = solved.finding, solved.joints[j], solved.units[j]
+    spread = covariance(finding.final)
+    floor = floor_of(solved.problem, finding, j)
+    ledger = rows(solved.held_out, list(solved.ledger), j, joint, floor, rng)
+    own_gap = gap(solved.held_out, list(solved.ledger), j, joint, units.position, floor, on, rng)
+    given = next((step.point for step in solved.ledger if step.role == "as given"), None)
+    numbers = {} if given is None else dict(zip(NOMINAL[:7], given.parameters[0, j, :7].tolist(), strict=True))
+    numbers["damping"] = numbers.get("viscous", 0.0) + numbers.get("back_emf", 0.0)
+    effects = tuple(
+        named_effect(solved, item, spread, joint, units) for item in finding.accepted if item.joint == j
+    )
+    left = finding.remainders[j]
+    result = JointResult(
+        joint=joint,
+        input=solved.structures[j].input,
+        command_unit=units.command,
+        position_unit=units.position,
+        torque_unit=units.torque,
+        input_equivalent=units.per_torque,
+        verdict=finding.verdict if len(solved.joints) == 1 or finding.verdict == "unknown" or effects else "none",
+        effects=effects,
+        nominal=nominal_parameters(
+            finding.nominal, finding.final, (covariance(finding.nominal), spread), j, units, numbers if given else {}
+        ),
+        remainder=tuple(SignalDependence(**asdict(dependence)) for dependence in left.dependences),
+        remainder_excess=float(left.excess),
+        series=tuple(all_series(solved, j)),
+        spectrum=spectrum(solved, j),
+    )
+    return result, own_gap, ledger
+
+
+def named_effect(solved: Solved, item: Accepted, spread: Array, joint: int, units: JointUnits) -> NamedEffect:
+    """An accepted effect with canonical parameters at the final fit."""
+    hypothesis = item.scored.start.hypothesis
+    effect = hypothesis.effect
+    return NamedEffect(
+        name=effect.name,
+        joint=joint,
+        stage=effect.stage,
+        equation=effect.equation,
+        variable=effect.variable,
+        parameters=effect_parameters(solved.problem, solved.finding.final, spread, item, units),
+        evidence=evidence(item.scored, item.material),
+        alternatives=tuple(
+            Alternative(other.name, solved.joints[other.start.hypothesis.joint], evidence(other))
+            for other in item.rivals
+        ),
+        only_in=solved.problem.names[hypothesis.log] if hypothesis.log >= 0 and solved.problem.logs > 1 else None,
+    )
+
+
+def evidence(scored: Scored, material: float | None = None) -> Evidence:
+    """What the search found for and against a hypothesis."""
+    return Evidence(float(scored.decrease), float(scored.price), None if material is None else float(material))
+
+
+def all_series(solved: Solved, j: int) -> list[Series]:
+    """Signals for plots of the first held-out log."""
+    problem = solved.held_out
+    before = next(step for step in solved.ledger if step.role == "nominal")
+    after = solved.ledger[-1]
+    residuals = [input_equivalent(problem, step.point, step.replay.prediction)[:, j] for step in (before, after)]
+    a, b = int(problem.bounds[0]), int(problem.bounds[1])
+    pick = slice(a, b, max(1, (b - a) // PLOTTED))
+    smooth = smooth_derivatives(problem.time[a:b], problem.reading[a:b, j : j + 1], max(0.03, 8 * problem.sample_time))
+    thin = slice(0, b - a, pick.step)
+    return [
+        Series(
+            log=problem.names[0],
+            held_out=True,
+            time=problem.time[pick],
+            command=problem.command[pick, j],
+            reading=problem.reading[pick, j],
+            velocity=smooth[1][thin, 0],
+            acceleration=smooth[2][thin, 0],
+            motor_torque=after.replay.motor_torque[pick, j],
+            before=residuals[0][pick],
+            after=residuals[1][pick],
+            free_before=before.replay.windows[pick, j],
+            free_after=after.replay.windows[pick, j],
+        )
+    ]
+
+
+def spectrum(solved: Solved, j: int) -> Spectrum:
+    """Amplitude densities of the residuals, as a command, on the first held-out log."""
+    problem = solved.held_out
+    before = next(step for step in solved.ledger if step.role == "nominal")
+    rows_ = slice(int(problem.bounds[0]), int(problem.bounds[1]))
+    densities = []
+    for step in (before, solved.ledger[-1]):
+        residual = input_equivalent(problem, step.point, step.replay.prediction)[rows_, j]
+        frequency, power = welch(residual, 1.0 / problem.sample_time, nperseg=min(len(residual), 4096))
+        densities.append(np.sqrt(power))
+    return Spectrum(frequency, *densities)
+
+
+def provenance(
+    read: Recordings, settings: Settings, seconds: dict[str, float], findings: Sequence[str]
+) -> Provenance:
+    """Hashes of the logs, versions, settings, seconds."""
+    packages = ("adeptone", "numpy", "scipy", "numba")
+    return Provenance(
+        logs=tuple(described(log) for log in read.fitted),
+        holdout=tuple(described(log) for log in read.held_out),
+        robot=None if read.robot is None else read.robot.name,
+        versions={"python": platform.python_version(), **{name: version(name) for name in packages}},
+        settings=asdict(settings),
+        seconds={name: round(value, 3) for name, value in seconds.items()},
+        findings=tuple(findings),
+    )
+
+
+def described(log: Log) -> dict[str, object]:
+    """A log as provenance: name, file, content hash, size."""
+    return {
+        "name": log.name,
+        "source": log.source,
+        "sha256": log.content_hash,
+        "samples": len(log),
+        "duration": log.duration,
+        "sample_time": log.sample_time,
+    }

@@ -21,6 +21,7 @@ from diagnosis.ledger import Step, floor_of, gap, given_point, rows, steps
 from diagnosis.nominal import JointStructure
 from diagnosis.output import to_json
 from diagnosis.parameters import JointUnits, covariance, effect_parameters, joint_units, nominal_parameters
+from diagnosis.partial_residual import partial_residuals
 from diagnosis.preparation import (
     Recordings,
     given_numbers,
@@ -206,6 +207,7 @@ def joint_result(
         remainder_excess=float(left.excess),
         series=tuple(all_series(solved, j)),
         spectrum=spectrum(solved, j),
+        partial_residuals=partial_residuals(solved.problem, finding, j, units),
     )
     return result, own_gap, ledger
 

@@ -62,7 +62,10 @@ class EquationModel(Model):
         return solved[:, None]
 
     def simulate(self, time: Array, command: Array, initial: State, hold: Hold = "zero_order") -> Motion:
-        """Motion (T, 1) with F = 0 at the stages of the integrator; NaN from divergence on."""
+        """Motion (T, 1) with F = 0 at the stages of the integrator; NaN from divergence on.
+
+        Where a held command jumps, the jerk does too; the value given is the one before the jump.
+        """
         position, velocity, acceleration, jerk = _simulate(
             self.balance,
             self.parameters,
@@ -87,29 +90,31 @@ def _mismatch(balance, p, q, dq, ddq, x, u, given, unknown):
     return balance(p, q_s, dq_s, ddq_s, x, u)
 
 
-@njit(float64(*_ROOT_ARGUMENTS), cache=True, error_model="numpy")
-def _root(balance, p, q, dq, ddq, x0, u, given, unknown):
-    """Root x of F near x0, NaN when none is found.
+@njit(types.UniTuple(float64, 2)(*_ROOT_ARGUMENTS, float64), cache=True, error_model="numpy")
+def _root(balance, p, q, dq, ddq, x0, u, given, unknown, slope):
+    """Root x of F near x0, NaN when none is found, and the slope dF/dx last used; `slope` 0: not known yet.
 
     unknown = COMMAND: x is u, `given` the jerk. unknown = JERK: x is the jerk, `given` the stage's step g, so that
     ddq_s = ddq + g x, dq_s = dq + g ddq_s, q_s = q + g dq_s (g = 0: the jerk at a known state).
-    Newton with a difference quotient; where that does not settle, a growing bracket and the Illinois secant.
+    Newton with a difference quotient that is kept while it serves; where that does not settle, a growing bracket and
+    the Illinois secant.
     """
     x = x0
-    slope = 0.0
+    last = np.inf
     for iteration in range(24):
         f = _mismatch(balance, p, q, dq, ddq, x, u, given, unknown)
-        if iteration % 2 == 0:  # a slope serves two steps: F is nearly linear almost everywhere
+        if slope == 0.0 or abs(f) > 0.1 * last:
             delta = 1e-6 * (1.0 + abs(x))
             slope = (_mismatch(balance, p, q, dq, ddq, x + delta, u, given, unknown) - f) / delta
             if slope == 0.0 and iteration == 0:
-                return np.nan  # F does not contain the unknown
+                return np.nan, 0.0  # F does not contain the unknown
         if slope == 0.0 or not np.isfinite(f) or not np.isfinite(slope):
             break
         step = -f / slope
         x += step
         if abs(step) <= TOLERANCE * (1.0 + abs(x)):
-            return x
+            return x, slope
+        last = abs(f)
     width = 1e-3 * (1.0 + abs(x0))
     bracketed = False
     for _ in range(60):
@@ -121,7 +126,7 @@ def _root(balance, p, q, dq, ddq, x0, u, given, unknown):
             break
         width *= 2.0
     if not bracketed:
-        return np.nan
+        return np.nan, 0.0
     kept = 0
     for _ in range(100):
         x = (low * f_high - high * f_low) / (f_high - f_low)
@@ -138,15 +143,15 @@ def _root(balance, p, q, dq, ddq, x0, u, given, unknown):
             kept = 1
         if f == 0.0 or f_low == f_high or abs(high - low) <= TOLERANCE * (1.0 + abs(x)):
             break
-    return x
+    return x, 0.0
 
 
 @njit(float64[::1](_FUNCTION, *(float64[::1],) * 5), cache=True, error_model="numpy")
 def _inverse(balance, p, q, dq, ddq, jerk):
     command = np.empty(len(q))
-    guess = 0.0
+    guess, slope = 0.0, 0.0
     for k in range(len(q)):
-        command[k] = _root(balance, p, q[k], dq[k], ddq[k], guess, 0.0, jerk[k], COMMAND)
+        command[k], slope = _root(balance, p, q[k], dq[k], ddq[k], guess, 0.0, jerk[k], COMMAND, slope)
         guess = command[k] if np.isfinite(command[k]) else 0.0
     return command
 
@@ -164,11 +169,12 @@ def _simulate(balance, p, time, command, q, dq, ddq, interpolate):
         np.full(size, np.nan),
         np.full(size, np.nan),
     )
-    j = 0.0
+    j, _ = _root(balance, p, q, dq, ddq, 0.0, command[0], 0.0, JERK, 0.0)
+    if not np.isfinite(j):  # an equation of second order leaves the jerk open
+        j = 0.0
+    slope = 0.0
     for k in range(size):
-        position[k], velocity[k], acceleration[k] = q, dq, ddq
-        now = _root(balance, p, q, dq, ddq, j, command[k], 0.0, JERK)
-        jerk[k] = now if np.isfinite(now) else j  # an equation of second order leaves the jerk open
+        position[k], velocity[k], acceleration[k], jerk[k] = q, dq, ddq, j
         if k == size - 1:
             break
         interval = time[k + 1] - time[k]
@@ -179,18 +185,20 @@ def _simulate(balance, p, time, command, q, dq, ddq, interpolate):
         for n in range(steps):
             u = command[k] + rise * n * h
             # stage 1 at g
-            j1 = _root(balance, p, q, dq, ddq, j, u + rise * g, g, JERK)
+            j1, slope = _root(balance, p, q, dq, ddq, j, u + rise * g, g, JERK, slope)
             a1 = ddq + g * j1
             v1 = dq + g * a1
             # stage 2 at g + r
-            j2 = _root(balance, p, q + r * v1, dq + r * a1, ddq + r * j1, j1, u + rise * (g + r), g, JERK)
+            j2, slope = _root(
+                balance, p, q + r * v1, dq + r * a1, ddq + r * j1, j1, u + rise * (g + r), g, JERK, slope
+            )
             a2 = ddq + r * j1 + g * j2
             v2 = dq + r * a1 + g * a2
             # stage 3 at h: its value is the new state
             q = q + b1 * v1 + b2 * v2
             dq = dq + b1 * a1 + b2 * a2
             ddq = ddq + b1 * j1 + b2 * j2
-            j = _root(balance, p, q, dq, ddq, j2, u + rise * h, g, JERK)
+            j, slope = _root(balance, p, q, dq, ddq, j2, u + rise * h, g, JERK, slope)
             ddq += g * j
             dq += g * ddq
             q += g * dq

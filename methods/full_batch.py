@@ -1,11 +1,11 @@
-"""The same network by a modern optimiser: full-batch L-BFGS or Adam in torch, double precision."""
+"""The same network by a modern optimiser: all samples at once, gradients from torch, steps by L-BFGS."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
+from scipy.optimize import minimize
 
 from envs.log import Array
 from methods.base import Status
@@ -16,14 +16,12 @@ from methods.network_training import Trainer, Weights
 class FullBatch(Trainer):
     """Minimises the mean squared error over the record; the learning curve holds the lowest error per evaluation.
 
-    L-BFGS uses a strong-Wolfe line search (Nocedal and Wright, Numerical Optimization, 2006, ch. 7) and stops early
-    once the error, relative to the target's variance, changes by less than `tolerance`. `every` takes every n-th
-    sample: signals limited to tens of hertz lose nothing at 200 Hz.
+    L-BFGS (Liu and Nocedal, Math. Program. 45 (1989) 503) in SciPy's implementation, which unlike torch's own does not
+    load torch's compiler; it stops early once an iteration lowers the error, relative to the target's variance, by
+    less than `tolerance`. `every` takes every n-th sample: signals limited to tens of hertz lose nothing at 200 Hz.
     """
 
-    optimiser: Literal["lbfgs", "adam"] = "lbfgs"
     iterations: int = 150
-    learning_rate: float = 0.02  # Adam only
     tolerance: float = 1e-9
     every: int = 5
 
@@ -32,43 +30,36 @@ class FullBatch(Trainer):
 
         s = torch.from_numpy(np.ascontiguousarray(inputs[:: self.every]))
         wanted = torch.from_numpy(np.ascontiguousarray(target[:: self.every]))
-        w, b, u = (torch.tensor(array, requires_grad=True) for array in (start.hidden, start.hidden_bias, start.output))
-        c = torch.tensor(start.output_bias, dtype=torch.float64, requires_grad=True)
-        free = [w, u, b, c] if with_bias else [w, u]
-
+        nodes, m = start.hidden.shape
         curve: list[float] = []
 
-        def loss() -> torch.Tensor:
-            return torch.mean((torch.sigmoid(s @ w.T + b) @ u + c - wanted) ** 2)
+        def loss_and_gradient(flat: Array) -> tuple[float, Array]:
+            x = torch.tensor(flat, requires_grad=True)
+            w, b, u = x[: nodes * m].reshape(nodes, m), x[nodes * m : -nodes - 1], x[-nodes - 1 : -1]
+            loss = torch.mean((torch.sigmoid(s @ w.T + b) @ u + x[-1] - wanted) ** 2)
+            (slope,) = torch.autograd.grad(loss, x)
+            gradient = slope.numpy()
+            if not with_bias:
+                gradient[nodes * m : -nodes - 1] = gradient[-1] = 0.0
+            curve.append(loss.item())
+            return curve[-1], gradient
 
-        def closure() -> torch.Tensor:
-            optimiser.zero_grad()
-            value = loss()
-            value.backward()
-            curve.append(float(value.detach()))
-            return value
-
-        if self.optimiser == "lbfgs":
-            optimiser: torch.optim.Optimizer = torch.optim.LBFGS(
-                free,
-                max_iter=self.iterations,
-                history_size=20,
-                line_search_fn="strong_wolfe",
-                tolerance_grad=0.0,
-                tolerance_change=self.tolerance,
-            )
-            optimiser.step(closure)
-        else:
-            optimiser = torch.optim.Adam(free, lr=self.learning_rate)
-            for _ in range(self.iterations):
-                optimiser.step(closure)
-        with torch.no_grad():
-            curve.append(float(loss()))
-        if not np.isfinite(curve[-1]):
+        found = minimize(
+            loss_and_gradient,
+            np.concatenate((start.hidden.ravel(), start.hidden_bias, start.output, [start.output_bias])),
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxiter": self.iterations, "maxcor": 20, "gtol": 0.0, "ftol": self.tolerance},
+        )
+        x = found.x
+        weights = Weights(
+            hidden=x[: nodes * m].reshape(nodes, m),
+            hidden_bias=x[nodes * m : -nodes - 1],
+            output=x[-nodes - 1 : -1],
+            output_bias=float(x[-1]),
+        )
+        if not np.isfinite(found.fun):
             status = Status.FAILED
-        elif self.optimiser == "lbfgs" and optimiser.state_dict()["state"][0]["n_iter"] < self.iterations:
-            status = Status.CONVERGED
         else:
-            status = Status.ITERATION_LIMIT
-        found = (tensor.detach().numpy().copy() for tensor in (w, b, u))
-        return Weights(*found, float(c.detach())), np.minimum.accumulate(curve), status
+            status = Status.ITERATION_LIMIT if found.nit >= self.iterations else Status.CONVERGED
+        return weights, np.minimum.accumulate(curve), status

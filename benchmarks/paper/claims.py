@@ -73,7 +73,7 @@ class _Errors:
     """Errors of joint 1 by method and log, (D,) over the draws."""
 
     def __init__(self, results: Sequence[DrawResult]):
-        self._rows = {
+        self._rows: dict[tuple[str, str, str], list[float]] = {
             (row.method, row.log, metric): [] for row in results[0].errors if row.joint == 1 for metric in METRICS
         }
         for result in results:

@@ -28,7 +28,7 @@ MODERN_4 = "LS + NN(q, q′, q″, q‴), L-BFGS"
 ALONE = "NN alone (q, q′, q″, q‴), L-BFGS"
 SINDY = "SINDy, smoothed"
 SINDY_WEAK = "SINDy, weak"
-COULOMB = "LS + Coulomb column"
+COULOMB = "LS, Coulomb instead of jerk column"
 NOMINAL = "true coefficients, not fitted"
 """Not a contestant: the joint's own linear coefficients, which no method knows."""
 
@@ -41,9 +41,9 @@ class Contestant:
     method: Method
 
 
-def contestants(columns: tuple[ColumnName, ...]) -> tuple[Contestant, ...]:
-    """All of them, for a joint with these regressor columns."""
-    raw, filtered = LeastSquares(RAW, columns), LeastSquares(FILTERED, columns)
+def contestants(columns: tuple[ColumnName, ...], smooth: BandLimited = FILTERED) -> tuple[Contestant, ...]:
+    """All of them, for a joint with these regressor columns and a log for which `smooth` is fit."""
+    raw, filtered = LeastSquares(RAW, columns), LeastSquares(smooth, columns)
     rule, modern = BackPropagation(), FullBatch()
     return (
         Contestant(LS_RAW, raw),
@@ -54,8 +54,8 @@ def contestants(columns: tuple[ColumnName, ...]) -> tuple[Contestant, ...]:
         Contestant(HYBRID_4, CompensatedLeastSquares(filtered, FOUR_SIGNALS, trainer=rule)),
         Contestant(MODERN, CompensatedLeastSquares(filtered, TWO_SIGNALS, trainer=modern)),
         Contestant(MODERN_4, CompensatedLeastSquares(filtered, FOUR_SIGNALS, trainer=modern)),
-        Contestant(ALONE, NetworkAlone(FILTERED)),
-        Contestant(SINDY, Sindy("smoothed", FILTERED)),
-        Contestant(SINDY_WEAK, Sindy("weak", FILTERED)),
-        Contestant(COULOMB, LeastSquares(FILTERED, (*columns, "coulomb"))),
+        Contestant(ALONE, NetworkAlone(smooth)),
+        Contestant(SINDY, Sindy("smoothed", smooth)),
+        Contestant(SINDY_WEAK, Sindy("weak", smooth)),
+        Contestant(COULOMB, LeastSquares(smooth, (*columns[1:], "coulomb"))),
     )

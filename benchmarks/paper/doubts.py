@@ -78,7 +78,7 @@ def investigate(draw: Draw) -> Doubts:
 
 
 def _compare_excitations(draw: Draw, sine: Trial, many: Trial) -> tuple[list[ExcitationRow], dict[str, Array]]:
-    rich = multisine(draw.robot, draw.setups[1])
+    rich = multisine(draw.robot, draw.setups[1], draw.duration)
     level, frequency = float(rich.per_joint("amplitude")[0]), draw.setups[1].frequency
     tried: list[tuple[str, Trial, Excitation, float]] = [
         ("sine, steady state", sine, sine.excitation, STEADY),

@@ -15,23 +15,25 @@ from benchmarks.paper.truth import true_coefficients
 from envs.adeptone import adeptone
 from envs.excitation import Excitation, Multisine, Sine
 from envs.log import Log
-from envs.plant import plant
 from envs.plant.effects import Effect
 from envs.plant.effects.amplifier import DeadZone
 from envs.plant.effects.arm import CoulombFriction
 from envs.plant.effects.motor import CoggingTorque
+from envs.plant.plant import Plant
 from envs.plant.sensors import Sensors
 from envs.robot import Quantity, Robot
 from envs.scara import ScaraBody
 from methods.regressor import HORIZONTAL, VERTICAL, ColumnName
 
 RATE = 1000.0  # Hz
-DURATION = 10.0  # s
-TRAINING = "training sine"
-HELD_OUT = ("other amplitude", "other frequency", "multisine", "other pose of joint 2", "payload")
+DURATION = 10.0  # s, unless a quick run is asked for
+PHYSICS_STEP = 5e-4
+"""Longest step of the plant's integrator [s]; half of it moves no coefficient by more than 1e-5."""
 LogName = Literal[
     "training sine", "other amplitude", "other frequency", "multisine", "other pose of joint 2", "payload"
 ]
+TRAINING: LogName = "training sine"
+HELD_OUT: tuple[LogName, ...] = ("other amplitude", "other frequency", "multisine", "other pose of joint 2", "payload")
 
 CHOICES: tuple[tuple[str, str, str], ...] = (
     ("servo and sampling rate", "1 kHz", "the period at which the controller's servo library serves the converter"),
@@ -103,17 +105,18 @@ PAYLOAD = 5.0  # kg, about half of what the arm may carry
 
 @dataclass(frozen=True)
 class Draw:
-    """One robot of the ensemble. `seed` feeds everything random that is measured or fitted on it."""
+    """One robot of the ensemble. `seed` feeds all that is random in its logs, of `duration` [s], and in the fits."""
 
     number: int
     robot: Robot
     setups: dict[int, JointSetup]
     seed: int
+    duration: float = DURATION
 
 
-def draws(count: int, seed: int) -> tuple[Draw, ...]:
-    """The nominal robot first, then members of the ensemble within the stated uncertainties."""
-    members = [Draw(0, adeptone(), SETUPS, seed)]
+def draws(count: int, seed: int, duration: float = DURATION) -> tuple[Draw, ...]:
+    """The nominal robot first, then members of the ensemble within the stated uncertainties; logs of `duration` [s]."""
+    members = [Draw(0, adeptone(), SETUPS, seed, duration)]
     for number in range(1, count):
         rng = np.random.default_rng([seed, number])
         robot = adeptone().sample(rng)
@@ -127,7 +130,7 @@ def draws(count: int, seed: int) -> tuple[Draw, ...]:
             )
             for joint, setup in SETUPS.items()
         }
-        members.append(Draw(number, robot, setups, seed + number))
+        members.append(Draw(number, robot, setups, seed + number, duration))
     return tuple(members)
 
 
@@ -159,7 +162,7 @@ def training_sine(robot: Robot, setup: JointSetup) -> Sine:
     )
 
 
-def multisine(robot: Robot, setup: JointSetup) -> Multisine:
+def multisine(robot: Robot, setup: JointSetup, period: float) -> Multisine:
     """From below to far above the corner of the joint's mechanics, as strong as the amplifier's current limit allows.
 
     At standstill the peak voltage drives 0.7 of the current limit, which leaves room for the back-EMF.
@@ -171,22 +174,23 @@ def multisine(robot: Robot, setup: JointSetup) -> Multisine:
         joints=sine.joints,
         amplitude=round(min(1.2 * float(sine.per_joint("amplitude")[0]), ceiling), 2),
         band=(0.4 * setup.frequency, 20.0 * setup.frequency),
-        period=DURATION,
+        period=period,
     )
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One recording to be made: who, with what, how."""
+    """One recording to be made: who, with what, for how long [s]."""
 
     name: LogName
     robot: Robot
     setup: JointSetup
     excitation: Excitation
     pose: tuple[float, ...]
+    duration: float
 
 
-def trials(draw: Draw, joint: int, names: tuple[str, ...]) -> tuple[Trial, ...]:
+def trials(draw: Draw, joint: int, names: tuple[LogName, ...]) -> tuple[Trial, ...]:
     """The recordings of one joint by name."""
     robot, setup = draw.robot, draw.setups[joint]
     sine = training_sine(robot, setup)
@@ -196,15 +200,17 @@ def trials(draw: Draw, joint: int, names: tuple[str, ...]) -> tuple[Trial, ...]:
     stretched = tuple(below if number == joint else place for number, place in enumerate(STRETCHED, start=1))
     half = replace(sine, amplitude=0.5 * float(sine.per_joint("amplitude")[0]))
     faster = replace(sine, frequency=1.6 * setup.frequency)
-    everything = {
-        "training sine": Trial("training sine", robot, setup, sine, start),
-        "other amplitude": Trial("other amplitude", robot, setup, half, start),
-        "other frequency": Trial("other frequency", robot, setup, faster, start),
-        "multisine": Trial("multisine", robot, setup, multisine(robot, setup), centred),
-        "other pose of joint 2": Trial("other pose of joint 2", robot, setup, sine, stretched),
-        "payload": Trial("payload", with_payload(robot, PAYLOAD), setup, sine, start),
+    loaded = with_payload(robot, PAYLOAD)
+    everything: dict[LogName, tuple[Robot, Excitation, tuple[float, ...]]] = {
+        "training sine": (robot, sine, start),
+        "other amplitude": (robot, half, start),
+        "other frequency": (robot, faster, start),
+        "multisine": (robot, multisine(robot, setup, draw.duration), centred),
+        "other pose of joint 2": (robot, sine, stretched),
+        "payload": (loaded, sine, start),
     }
-    return tuple(everything[name] for name in names)  # type: ignore[index]
+    chosen = ((name, everything[name]) for name in names)
+    return tuple(Trial(name, who, setup, what, pose, draw.duration) for name, (who, what, pose) in chosen)
 
 
 def record(trial: Trial, seed: int, *, hidden: bool = True, quantised: bool = True) -> Log:
@@ -220,14 +226,10 @@ def record(trial: Trial, seed: int, *, hidden: bool = True, quantised: bool = Tr
         ),
         DeadZone(joint=setup.joint, voltage=setup.dead_zone),
     )
+    plant = Plant(
+        trial.robot, effects if hidden else (), sensors=Sensors(quantised=quantised), longest_step=PHYSICS_STEP
+    )
+    rng = np.random.default_rng(seed)
     return plant.record(
-        trial.robot,
-        effects if hidden else (),
-        trial.excitation,
-        duration=DURATION,
-        rate=RATE,
-        seed=seed,
-        pose=np.array(trial.pose),
-        sensors=Sensors(quantised=quantised),
-        name=trial.name,
+        trial.excitation, trial.duration, rng, rate=RATE, pose=np.array(trial.pose), name=trial.name
     ).log

@@ -11,27 +11,34 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch
 
 from benchmarks.paper import contestants as names
-from benchmarks.paper.contestants import FILTERED, RAW
+from benchmarks.paper.contestants import RAW
 from benchmarks.paper.drawing import MEASURED, NOISE, TRUTH, WIDTH, WITH, WITHOUT, letter, thin
 from benchmarks.paper.evaluation import Reference, free_run
-from benchmarks.paper.study import DrawResult, Showcase
+from benchmarks.paper.study import Showcase
 from envs.adeptone import adeptone
-from envs.log import Array, Log
+from envs.log import COMMAND_UNIT, Array, Log
 from envs.rendering import RenderingError, render_robot
 from methods.base import Fit
 from methods.differentiation import Differentiator
 from methods.joint_model import JointModel
-from methods.regressor import ColumnName
+from methods.regressor import HORIZONTAL, column_unit
 
 SHOWN = (0.3, 1.2, 0.08, 0.0)
 """Pose of the robot in Fig. 1."""
 MOTION = ("position", "velocity", "acceleration", "jerk")
-SYMBOLS = {
-    "position": r"$\theta_1$ [rad]",
-    "velocity": r"$\dot\theta_1$ [rad/s]",
-    "acceleration": r"$\ddot\theta_1$ [rad/s$^2$]",
-    "jerk": r"$\dddot\theta_1$ [rad/s$^3$]",
-}
+ACCENTS = {"position": "", "velocity": r"\dot", "acceleration": r"\ddot", "jerk": r"\dddot"}
+POWERS = {"position": "", "velocity": "/s", "acceleration": "/s$^2$", "jerk": "/s$^3$"}
+
+
+def symbol(log: Log, name: str) -> str:
+    """Axis label of a signal of the log's joint, such as its angular velocity in rad/s."""
+    letter_of_joint = r"\theta" if log.facts[0].position_unit == "rad" else "q"
+    return f"${ACCENTS[name]}{{{letter_of_joint}}}_{log.joints[0]}$ [{log.facts[0].position_unit}{POWERS[name]}]"
+
+
+def command_unit(log: Log) -> str:
+    """Unit of the log's command."""
+    return COMMAND_UNIT[log.facts[0].input]
 
 
 def robot_and_network() -> Figure:
@@ -98,20 +105,20 @@ def _draw_network(axes: Axes) -> None:
 
 
 def excitation(show: Showcase) -> Figure:
-    """Fig. 2: input voltage of joint 1."""
+    """Fig. 2: the input."""
     figure, axes = plt.subplots(figsize=(WIDTH, 1.9))
     time, command = thin(show.log.time, show.log.command)
     axes.plot(time, command, color=MEASURED)
     axes.set_xlabel("time [s]")
-    axes.set_ylabel("$v_d$ [V at the converter]")
-    axes.set_xlim(0.0, show.log.time[-1])
+    axes.set_ylabel(f"$v_d$ [{command_unit(show.log)}]")
+    axes.set_xlim(show.log.time[0], show.log.time[-1])
     return figure
 
 
 def responses(show: Showcase) -> Figure:
     """Fig. 3: position, velocity, acceleration and jerk; raw differences behind the band-limited signals."""
     figure, grid = plt.subplots(2, 2, figsize=(WIDTH, 3.9), sharex=True)
-    raw, smooth = RAW.signals(show.log), FILTERED.signals(show.log)
+    raw, smooth = RAW.signals(show.log), show.filtered.signals(show.log)
     for axes, name, label in zip(grid.flat, MOTION, "abcd", strict=True):
         axes.plot(
             *thin(raw.time, getattr(raw.motion, name), points=5000),
@@ -119,8 +126,12 @@ def responses(show: Showcase) -> Figure:
             linewidth=0.5,
             label="measured position and its raw differences",
         )
-        axes.plot(*thin(smooth.time, getattr(smooth.motion, name)), color=WITH, label="band-limited, 30 Hz")
-        axes.set_ylabel(SYMBOLS[name])
+        axes.plot(
+            *thin(smooth.time, getattr(smooth.motion, name)),
+            color=WITH,
+            label=f"band-limited, {show.filtered.bandwidth:g} Hz",
+        )
+        axes.set_ylabel(symbol(show.log, name))
         letter(axes, label)
     for axes in grid[1]:
         axes.set_xlabel("time [s]")
@@ -132,38 +143,42 @@ def responses(show: Showcase) -> Figure:
 def _magnify(axes: Axes, time: Array, jerk: Array) -> None:
     """The band-limited jerk of two seconds, in a window of its own."""
     low, high = axes.get_ylim()
+    axes.set_yticks([tick for tick in axes.get_yticks() if low <= tick <= high])
     axes.set_ylim(low, high + 1.3 * (high - low))
     inset = axes.inset_axes((0.12, 0.62, 0.84, 0.36))
-    rows = (time >= 2.0) & (time < 4.0)
+    start = time[0] + 0.2 * (time[-1] - time[0])
+    rows = (time >= start) & (time < start + 2.0)
     inset.plot(*thin(time[rows], jerk[rows]), color=WITH, linewidth=0.9)
-    inset.set_xlim(2.0, 4.0)
+    inset.set_xlim(start, start + 2.0)
     inset.tick_params(labelsize=6.5, length=2)
 
 
 def parameter_history(show: Showcase) -> Figure:
-    """Fig. 4: a11, a12, a13 against the number of samples."""
+    """Fig. 4: the three coefficients against the number of samples."""
     figure, grid = plt.subplots(1, 3, figsize=(WIDTH, 2.7))
-    styles = dict(zip(show.histories, ((WITHOUT, "--"), (WITH, "-"), ("#CC79A7", "-."), ("#E69F00", ":")), strict=True))
-    panels: tuple[tuple[ColumnName, str, float, float], ...] = (
-        ("jerk", r"$a_{11}$ [mV s$^3$/rad]", 1e3, 1.2),
-        ("acceleration", r"$a_{12}$ [mV s$^2$/rad]", 1e3, 0.2),
-        ("velocity", r"$a_{13}$ [V s/rad]", 1.0, 0.2),
-    )
-    for column, (axes, (name, label, factor, shown)) in enumerate(zip(grid, panels, strict=True)):
-        truth = factor * show.truth[name]
-        for estimator, (samples, estimates) in show.histories.items():
-            color, style = styles[estimator]
+    styles = ((WITHOUT, "--"), (WITH, "-"), ("#CC79A7", "-."), ("#E69F00", ":"))
+    for column, (axes, name) in enumerate(zip(grid, HORIZONTAL, strict=True)):
+        finals = []
+        for (estimator, (samples, estimates)), (color, style) in zip(show.histories.items(), styles, strict=False):
+            if column >= estimates.shape[1]:
+                continue
             first = np.searchsorted(samples, 50)
             axes.plot(
-                *thin(samples[first:], factor * estimates[first:, column], points=600),
+                *thin(samples[first:], estimates[first:, column], points=600),
                 color=color,
                 linestyle=style,
                 label=estimator,
             )
-        axes.axhline(truth, color=TRUTH, linewidth=2.0, alpha=0.6, zorder=0, label="truth")
-        axes.set_ylim(truth * (1.0 - shown), truth * (1.0 + shown))
+            finals.append(estimates[-1, column])
+        if name in show.truth:
+            axes.axhline(show.truth[name], color=TRUTH, linewidth=2.0, alpha=0.6, zorder=0, label="truth")
+            finals.append(show.truth[name])
+        margin = 0.6 * (max(finals) - min(finals)) + 0.02 * abs(finals[-1])
+        axes.set_ylim(min(finals) - margin, max(finals) + margin)
+        axes.ticklabel_format(axis="y", scilimits=(-3, 3), useMathText=True)
         axes.set_xlabel("number of samples")
-        axes.set_ylabel(label)
+        unit = column_unit(name, show.log.facts[0]).replace("^2", "$^2$").replace("^3", "$^3$")
+        axes.set_ylabel(f"$a_{{{show.log.joints[0]}{column + 1}}}$ [{unit}]")
         letter(axes, "abc"[column])
     figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
@@ -172,7 +187,10 @@ def parameter_history(show: Showcase) -> Figure:
 def inverse_outputs(show: Showcase) -> Figure:
     """Fig. 5: outputs of the inverse system, on raw differences and on band-limited signals."""
     figure, grid = plt.subplots(3, 2, figsize=(WIDTH, 5.0), sharex=True, sharey="row")
-    cases = (("as printed: raw differences", names.PRINTED, RAW), ("band-limited, 30 Hz", names.HYBRID, FILTERED))
+    cases = (
+        ("as printed: raw differences", names.PRINTED, RAW),
+        (f"band-limited, {show.filtered.bandwidth:g} Hz", names.HYBRID, show.filtered),
+    )
     for column, (title, name, differentiator) in enumerate(cases):
         inverse_column(grid[:, column], show.fits[name], show.log, differentiator)
         grid[0, column].annotate(
@@ -180,8 +198,8 @@ def inverse_outputs(show: Showcase) -> Figure:
         )
     for axes, label in zip(grid.flat, "abcdef", strict=True):
         letter(axes, label)
-    for axes, label in zip(grid[:, 0], ("[V]", "$v_2$ [V]", "error [V]"), strict=True):
-        axes.set_ylabel(label)
+    for axes, label in zip(grid[:, 0], ("input", "$v_2$", "error"), strict=True):
+        axes.set_ylabel(f"{label} [{command_unit(show.log)}]")
     for axes in grid[2]:
         axes.set_xlabel("time [s]")
     handles = [
@@ -209,8 +227,8 @@ def inverse_column(panels: Sequence[Axes], fit: Fit, log: Log, differentiator: D
     )
 
 
-def learning(results: Sequence[DrawResult]) -> Figure:
-    """Fig. 6: mean squared error against learning time, median and range over the draws."""
+def learning(curves_of_draws: Sequence[Mapping[str, Array]]) -> Figure:
+    """Fig. 6: mean squared error against learning time, median and range over the draws; one mapping per draw."""
     figure, axes = plt.subplots(figsize=(WIDTH, 2.8))
     lines = (
         (names.PRINTED, WITHOUT, "--"),
@@ -219,7 +237,7 @@ def learning(results: Sequence[DrawResult]) -> Figure:
         (names.MODERN, "#CC79A7", ":"),
     )
     for name, color, style in lines:
-        curves = [result.learning_curves[name] / result.learning_curves[name][0] for result in results]
+        curves = [draw[name] / draw[name][0] for draw in curves_of_draws]
         longest = max(len(curve) for curve in curves)
         stacked = np.array([np.pad(curve, (0, longest - len(curve)), mode="edge") for curve in curves])
         passes = np.arange(longest)
@@ -238,11 +256,11 @@ def forward(show: Showcase) -> Figure:
     figure, grid = plt.subplots(3, 3, figsize=(WIDTH, 5.0), sharex=True)
     for row in grid:
         row[1].sharey(row[2])
-    reference = Reference.of(show.log)
+    reference = Reference.of(show.log, show.filtered)
     printed, sound = (names.LS_RAW, names.PRINTED), (names.LS, names.HYBRID)
-    forward_panels(grid[:, 0], show.fits, reference, sound, errors=False)
-    forward_panels(grid[:, 1], show.fits, reference, printed, errors=True)
-    forward_panels(grid[:, 2], show.fits, reference, sound, errors=True)
+    forward_panels(grid[:, 0], show.fits, reference, sound, errors=False, window=show.window)
+    forward_panels(grid[:, 1], show.fits, reference, printed, errors=True, window=show.window)
+    forward_panels(grid[:, 2], show.fits, reference, sound, errors=True, window=show.window)
     titles = ("motion, band-limited", "error, as printed", "error, band-limited")
     for column, title in enumerate(titles):
         grid[0, column].annotate(
@@ -250,7 +268,7 @@ def forward(show: Showcase) -> Figure:
         )
         grid[2, column].set_xlabel("time [s]")
     for row, name in zip(grid, MOTION[:3], strict=True):
-        row[0].set_ylabel(SYMBOLS[name])
+        row[0].set_ylabel(symbol(show.log, name))
     for axes, label in zip(grid.T.flat, "abcdefghi", strict=True):
         letter(axes, label)
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
@@ -278,3 +296,20 @@ def forward_panels(
         ):
             shown = getattr(run, name) - (measured if errors else 0.0)
             axes.plot(*thin(time, shown), color=color, linestyle=style, linewidth=0.9, label=label)
+
+
+def left_over(show: Showcase) -> Figure:
+    """What the three columns and the compensated model leave of the command, against velocity and time."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 2.8), width_ratios=(1.0, 1.6), sharey=True)
+    signals = show.filtered.signals(show.log)
+    for name, color, label in ((names.LS, WITHOUT, "three columns"), (names.HYBRID, WITH, "with compensator")):
+        rest = signals.command - show.fits[name].model.inverse(signals.time, signals.motion)
+        left.plot(*thin(signals.motion.velocity, rest, points=4000), ".", color=color, markersize=1.5, alpha=0.5)
+        right.plot(*thin(signals.time, rest, points=4000), color=color, linewidth=0.7, label=label)
+    left.set_xlabel(symbol(show.log, "velocity"))
+    left.set_ylabel(f"left over [{command_unit(show.log)}]")
+    right.set_xlabel("time [s]")
+    letter(left, "a")
+    letter(right, "b")
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure

@@ -16,7 +16,7 @@ from envs.log import Array, Log
 from methods.base import Fit, State
 from methods.compensated_least_squares import CompensatedLeastSquares
 from methods.cramer_rao import cramer_rao_bound
-from methods.differentiation import Differentiator
+from methods.differentiation import BandLimited, Differentiator
 from methods.full_batch import FullBatch
 from methods.joint_model import JointModel
 from methods.least_squares import LeastSquares, condition_number, estimate_history, white_covariance
@@ -126,13 +126,17 @@ class OptimalityRow:
 
 @dataclass(frozen=True, eq=False)
 class Showcase:
-    """What the figures need of the nominal draw, joint 1. `fits` by contestant; `histories` (N, 3) by estimator."""
+    """What the figures need of one log. `fits` by contestant; `histories` (N,), (N, p) by estimator.
 
-    trial: Trial
+    truth: empty where nobody knows it. window: free runs start anew so often [s]; None: never.
+    """
+
     log: Log
     fits: Mapping[str, Fit]
     histories: Mapping[str, tuple[Array, Array]]
     truth: Mapping[ColumnName, float]
+    filtered: BandLimited = FILTERED
+    window: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +192,7 @@ def run_draw(draw: Draw, compare_structures: bool) -> DrawResult:
         structures=tuple(structure_rows(draw, logs[TRAINING])) if compare_structures else (),
         optimality=optimality(draw, fits, logs[TRAINING]),
         learning_curves={name: fit.learning_curve for name, fit in fits.items() if len(fit.learning_curve)},
-        showcase=Showcase(first[TRAINING], logs[TRAINING], fits, histories, truth) if draw.number == 0 else None,
+        showcase=Showcase(logs[TRAINING], fits, histories, truth) if draw.number == 0 else None,
     )
 
 
@@ -257,7 +261,7 @@ def _encoder_bound(model: JointModel, log: Log) -> Array:
 def history(method: LeastSquares, log: Log) -> tuple[Array, Array]:
     """Numbers of samples (N,) and estimates (N, p) after each of them."""
     problem = method.problem([log])
-    return np.arange(1, len(problem.command) + 1), estimate_history(problem.regressor, problem.command)
+    return np.arange(1.0, len(problem.command) + 1.0), estimate_history(problem.regressor, problem.command)
 
 
 def history_row(draw: int, name: str, estimates: Array, truth: Mapping[ColumnName, float]) -> HistoryRow:

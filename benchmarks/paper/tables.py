@@ -26,6 +26,7 @@ SYMBOL: Mapping[ColumnName, str] = {
     "acceleration": "a_{j}2",
     "velocity": "a_{j}3",
     "constant": "a_{j}4",
+    "coulomb": "coulomb_{j}",
 }
 
 
@@ -112,8 +113,8 @@ def choices_table() -> Table:
     return Table("choices", "What the paper leaves open, as chosen here", ("what", "chosen", "why"), CHOICES)
 
 
-def parameter_tables(results: Sequence[DrawResult]) -> tuple[Table, Table]:
-    """Every estimate, and per joint, estimator and coefficient the summary over the draws."""
+def parameter_tables(results: Sequence[DrawResult]) -> tuple[Table, Table, Table]:
+    """Every estimate; per joint, coefficient and estimator the summary over the draws; and the nominal robot in short."""
     rows = [row for result in results for row in result.parameters]
     everything = Table(
         "parameters",
@@ -183,7 +184,37 @@ def parameter_tables(results: Sequence[DrawResult]) -> tuple[Table, Table]:
             for first in group[:1]
         ),
     )
-    return everything, summary
+    return everything, summary, _parameters_in_short([row for row in rows if row.draw == results[0].draw])
+
+
+def _parameters_in_short(rows: Sequence[ParameterRow]) -> Table:
+    """One row per joint and coefficient: truth, estimates with standard errors, bound and condition under the sine."""
+    estimators = list(dict.fromkeys(row.estimator for row in rows))
+    grouped: dict[tuple[int, str], dict[str, ParameterRow]] = {}
+    for row in sorted(rows, key=lambda row: row.joint):
+        grouped.setdefault((row.joint, symbol(row)), {})[row.estimator] = row
+    return Table(
+        "parameters_nominal",
+        "Nominal robot: estimate ± standard error (error against the truth); bound and condition number under the sine",
+        ("coefficient", "unit", "truth", *estimators, "Cramér-Rao bound", "condition number"),
+        tuple(
+            (
+                name,
+                first.unit,
+                first.truth,
+                *(_against_truth(group[estimator]) for estimator in estimators),
+                first.bound,
+                first.condition,
+            )
+            for (_, name), group in grouped.items()
+            for first in (group[estimators[0]],)
+        ),
+    )
+
+
+def _against_truth(row: ParameterRow) -> str:
+    off = 100.0 * (row.estimate / row.truth - 1.0)
+    return f"{text_of(row.estimate, 3)} ± {text_of(row.standard_error, 2)} ({off:+.1f} %)"
 
 
 def symbol(row: ParameterRow) -> str:

@@ -95,14 +95,13 @@ def find(
     present: set[tuple[str, int]] = set()
     while len(accepted) < settings.limit * problem.joints:
         tell(f"looking for effect {len(accepted) + 1}")
-        complete = bool(accepted) and sum(remainder(problem, base, j).excess for j in range(problem.joints)) == 0.0
-        ranked = try_all(
-            problem,
-            base,
-            hypotheses_of(effects, problem.joints, present),
-            threshold=settings.threshold if complete else -np.inf,
-        )
-        chosen = choose(problem, ranked, settings, nominal.criterion - base.criterion)
+        explained = nominal.criterion - base.criterion
+        needed = -np.inf
+        if accepted:
+            complete = is_complete(problem, nominal, base)
+            needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
+        ranked = try_all(problem, base, hypotheses_of(effects, problem.joints, present), needed=needed)
+        chosen = choose(problem, ranked, settings, explained)
         if chosen is None:
             break
         accepted.append(chosen)
@@ -113,6 +112,12 @@ def find(
         steps.append(base)
         accepted, base = prune(problem, nominal, accepted, base, settings)
     left = tuple(remainder(problem, base, j) for j in range(problem.joints))
+    if accepted and sum(r.excess for r in left) > settings.unexplained * (nominal.criterion - base.criterion):
+        tell("looking for better combinations")
+        swapped = swap(problem, effects, accepted, base, settings)
+        if swapped is not None:
+            accepted, base = swapped
+            left = tuple(remainder(problem, base, j) for j in range(problem.joints))
     accepted, base, left = trim(problem, nominal, accepted, base, left, settings)
     return Finding(verdict(nominal, base, accepted, left, settings), nominal, tuple(accepted), base, left, tuple(steps))
 
@@ -157,6 +162,44 @@ def prune(
                 base, changed = smaller, len(accepted) > 1
                 break
     return accepted, base
+
+
+def allowance(nominal: Fitted, base: Fitted) -> float:
+    """Excess of the remainder that is put down to inexact laws and integrators rather than to something missing."""
+    return max(20.0, 0.005 * (nominal.criterion - base.criterion))
+
+
+def is_complete(problem: Problem, nominal: Fitted, base: Fitted) -> bool:
+    """No signal of the logs explains a relevant part of what is left."""
+    return sum(remainder(problem, base, j).excess for j in range(problem.joints)) <= allowance(nominal, base)
+
+
+def swap(
+    problem: Problem, effects: Sequence[Effect], accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted] | None:
+    """Exchange one effect for another (and once more) while that explains clearly more; None if nothing is gained.
+
+    Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
+    """
+    improved = False
+    for _ in range(2):
+        best: tuple[list[Accepted], Fitted] | None = None
+        for item in accepted[:3]:
+            smaller = without(problem, base, item)
+            others = [other for other in accepted if other is not item]
+            taken = {(other.name, other.joint) for other in accepted}
+            ranked = try_all(problem, smaller, hypotheses_of(effects, problem.joints, taken), refine=5, finals=1)
+            if not ranked:
+                continue
+            found = ranked[0]
+            cost = smaller.criterion - base.criterion - item.scored.price
+            if found.evidence > cost + max(20.0, 0.05 * cost) and (best is None or found.fitted.criterion < best[1].criterion):
+                share = materiality(problem, found.fitted, found.name, found.start.hypothesis.joint)
+                best = ([*others, Accepted(found, share, ())], found.fitted)
+        if best is None:
+            break
+        accepted, base, improved = *best, True
+    return (accepted, base) if improved else None
 
 
 def wald(base: Fitted, item: Accepted) -> float:

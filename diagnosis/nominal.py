@@ -22,6 +22,7 @@ class JointStructure:
     gravity: ``none``, ``pendulum`` (sine and cosine of the angle) or ``constant`` (a vertical linear axis).
     viscous_share: share of the damping that is mechanical (0..1); command and angle cannot tell it from back-EMF.
     electrical_time_constant: nominal L / R [s], where known.
+    torque_limit: input-equivalent torque at the drive's known current limit (0: no limit known).
     """
 
     input: InputKind = "voltage"
@@ -29,6 +30,7 @@ class JointStructure:
     gravity: str = "none"
     viscous_share: float = 0.0
     electrical_time_constant: float | None = None
+    torque_limit: float = 0.0
 
 
 def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrical: tuple[bool, ...]) -> Point:
@@ -66,6 +68,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
         inertia = x[0] if x[0] > 0 else 0.1 * drive / rms[0]
         damping = max(x[1], 1e-3 * drive / rms[1])
         share = structure.viscous_share if structure.input == "voltage" else 1.0
+        parameters[:, j, COLUMN["torque_limit"]] = structure.torque_limit
         parameters[:, j, COLUMN["inertia"]] = inertia
         parameters[:, j, COLUMN["viscous"]] = share * damping
         parameters[:, j, COLUMN["back_emf"]] = (1.0 - share) * damping

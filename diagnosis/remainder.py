@@ -28,11 +28,13 @@ class Dependence:
 
 @dataclass(frozen=True)
 class Remainder:
-    """Dependences in order of strength, and the decrease that all groups together would bring."""
+    """Dependences in order of strength, the decrease that all groups together would bring, and the rms of the torque that
+    they stand for as a share of the command's rms."""
 
     dependences: tuple[Dependence, ...]
     decrease: float
     functions: int
+    share: float
 
     @property
     def excess(self) -> float:
@@ -98,4 +100,16 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         tuple(sorted(found, key=lambda d: -d.decrease / d.functions)),
         float(gain(every) - base),
         sum(len(r) for r in responses.values()),
+        _share(problem, fitted, joint, groups, every, residual, size),
     )
+
+
+def _share(
+    problem: Problem, fitted: Fitted, joint: int, groups: dict[str, list[Array]], basis: Array, residual: Array, size: float
+) -> float:
+    """Rms of the torque that explains the innovations best, over the rms of the command."""
+    coefficients = project(basis, residual)[0][len(fitted.jacobian) :]
+    functions = np.stack([function for group in groups.values() for function in group])
+    torque = size * coefficients @ functions
+    used = problem.used
+    return float(np.sqrt(np.mean(torque[used] ** 2) / max(np.mean(problem.command[used, joint] ** 2), 1e-300)))

@@ -47,16 +47,15 @@ def try_all(
     *,
     refine: int = 7,
     finals: int = 3,
-    threshold: float = -np.inf,
+    needed: float = -np.inf,
 ) -> list[Scored]:
     """Every hypothesis on top of a base model, best first; only the promising ones are refined.
 
-    Returns nothing when no linear prediction of the evidence reaches the threshold.
+    `needed`: linear prediction of the evidence below which a hypothesis is not refined.
     """
     base = _with_reference(problem, base)
     starts = proposals(problem, base, effects, sizes_of(problem, base))
-    if not starts or max(start.promise - price(problem, start, base.samples) for start in starts) < threshold:
-        return []
+    starts = [start for start in starts if start.promise - price(problem, start, base.samples) >= needed]
     rough = []
     for start in starts[:refine]:
         point = extend(problem, base.point, start.hypothesis, start.values)

@@ -11,6 +11,8 @@ Per joint, in units of the command::
     M(q) q'' + h(q, q') + b q' + gravity + torques + friction = gain w
     reading = q + sensor(q)
 
+`torque_limit` (0: none) is the drive's known current limit; it clamps w where it acts on the arm.
+
 Integration: fourth-order Runge-Kutta with the command averaged exactly over each step (hold and delay included); dry
 friction is handled by events (a joint stops inside a step, rests while the other forces stay below the friction level,
 and breaks away), bristles and the low-pass of the amplifier by their exact exponential solution.
@@ -34,7 +36,7 @@ import numpy as np
 
 from methods.effects.base import Effect
 
-NOMINAL = ("inertia", "viscous", "back_emf", "electrical_time_constant", "gravity_sine", "gravity_cosine", "load", "torque_square_mean")
+NOMINAL = ("inertia", "viscous", "back_emf", "electrical_time_constant", "gravity_sine", "gravity_cosine", "load", "torque_square_mean", "torque_limit")
 """Nominal parameters of a joint, the first columns of the parameter array."""
 STRUCTURAL = {
     "amplifier_lag": "LAG",
@@ -146,7 +148,7 @@ def _source(kernel: Kernel) -> str:
 
 
 _TEMPLATE = '''
-INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE = range(8)
+INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
 Q, DQ, W, A, HEAT, QL, DQL = range(7)
 
 
@@ -223,6 +225,8 @@ def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
     if THERMAL >= 0 and on[THERMAL]:
         heating = (p[THERMAL_P] * w * w / p[SQUARE] - heat) / p[THERMAL_P + 1]
     r = w
+    if p[LIMIT] > 0.0:
+        r = min(max(w, -p[LIMIT]), p[LIMIT])
     if has[1]:
         r *= _gain(t, q, dq, w, p, on)
     r -= p[VISCOUS] * dq + p[LOAD] + load
@@ -358,7 +362,8 @@ def _bristle(z, dq, h, p):
     rate = abs(dq) * h / top
     change = (final - z) * (1.0 - math.exp(-rate))
     mean = final + (z - final) * (1.0 - math.exp(-rate)) / rate
-    return stiffness * mean + p[BRISTLE_P + 2] * change / h, z + change
+    damping = 2.0 * p[BRISTLE_P + 2] * math.sqrt(stiffness * p[INERTIA])
+    return stiffness * mean + damping * change / h, z + change
 
 
 @njit(cache=True, error_model='numpy')

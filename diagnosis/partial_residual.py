@@ -17,6 +17,7 @@ Source: R. D. Cook, Exploring partial residual plots, Technometrics 35 (1993).
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from scipy.signal import detrend, lfilter, savgol_filter
@@ -49,11 +50,11 @@ def _signals_left(left: Remainder) -> list[str]:
     """The strongest dependences; velocity and position where there are none, to show that nothing is there."""
     real = [d.signal for d in left.dependences if d.p_value < 1e-3]
     chosen = list(dict.fromkeys("velocity" if name == "direction" else name for name in real))
-    return (chosen if left.excess > 0 and chosen else ["velocity", "position"])[:SHOWN_DEPENDENCES]
+    return (chosen or ["velocity", "position"])[:SHOWN_DEPENDENCES]
 
 
 def missing_torque(problem: Problem, point: Point, error: Array, joint: int, seconds: float) -> Array:
-    """Input-equivalent torque (T,) that explains a prediction error (T, n) of one joint."""
+    """Input-equivalent driving torque (T,) that explains a prediction error (T, n) of one joint."""
     out = np.zeros(len(problem.time))
     dt, leak = problem.sample_time, problem.leak
     for log, (a, b) in enumerate(zip(problem.bounds[:-1], problem.bounds[1:], strict=True)):
@@ -99,16 +100,17 @@ def without_effect(problem: Problem, point: Point, effect: str, joint: int) -> P
 def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnits) -> PartialResidual:
     """The partial residual of one effect of the final model, with the laws of its closest rivals."""
     effect, joint = item.scored.start.hypothesis.effect, item.joint
-    sensor = effect.slot == "sensor"
+    kind = _kind(effect)
     rivals = [s for s in item.rivals if s.start.hypothesis.joint == joint][:SHOWN_RIVALS]
 
     def share(fitted: Fitted, name: str) -> Array:
         return errors(problem, [without_effect(problem, fitted.point, name, joint)])[0] - fitted.error
 
     def transformed(error: Array, seconds: float) -> Array:
-        if sensor:
+        if kind == "reading":
             return missing_reading(problem, error, joint)
-        return missing_torque(problem, final.point, error, joint, seconds)
+        torque = missing_torque(problem, final.point, error, joint, seconds)
+        return -torque if kind == "resistance" else torque
 
     own = share(final, item.name)
     seconds = WINDOWS[-1]
@@ -121,10 +123,10 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
     x, unit = _signal(problem, final.point, joint, name, units)
     frame = PartialResidual(
         effect=effect.name,
-        kind="reading" if sensor else "command",
+        kind=kind,
         signal=name if unit != "s" else "elapsed time",
         signal_unit=unit,
-        unit=units.position if sensor else units.command,
+        unit=units.position if kind == "reading" else units.command,
         x=x,
         before=Quantiles(law + after, law + after, law + after),
         after=Quantiles(after, after, after),
@@ -135,6 +137,13 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
     if frame.continuous:
         return _stretch(problem, frame)
     return _binned(frame, _shown(problem, final.point, effect, joint, x))
+
+
+def _kind(effect: Effect) -> Literal["command", "resistance", "reading"]:
+    """Laws on the left of the equation of motion resist; others change the command, the motor torque or the reading."""
+    if effect.slot == "sensor":
+        return "reading"
+    return "resistance" if effect.slot in ("torque", "friction") or effect.stage == "arm" else "command"
 
 
 def _of_remainder(problem: Problem, final: Fitted, joint: int, signal: str, units: JointUnits) -> PartialResidual:

@@ -6,12 +6,15 @@ Rounding follows the Particle Data Group: two digits of the standard deviation w
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 
 PREFIXES = {6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
 PREFIXED = ("rad", "m", "s", "V", "A", "N", "N m", "Hz")
 """Units that take a prefix; others, such as 1/rev or V s^2/rad, do not."""
 SUPERSCRIPT = str.maketrans("0123456789-+.", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺·")
+UNDETERMINED = 1e4
+"""Ratio of deviation and value beyond which a number says nothing."""
 PROPER_NAMES = {"coulomb": "Coulomb", "stribeck": "Stribeck"}
 
 
@@ -58,6 +61,8 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
 
 def measured(value: float, std: float, unit: str) -> str:
     """A number with its standard deviation, both rounded by the deviation: ``6.9 ± 0.1 N m``."""
+    if std > UNDETERMINED * abs(value) > 0.0:
+        return f"{quantity(value, unit)} (not determined)"
     if not math.isfinite(std) or std <= 0.0 or not math.isfinite(value):
         return quantity(value, unit, 4)
     factor, scaled = scale_for([max(abs(value), std)], unit)
@@ -75,6 +80,17 @@ def measured(value: float, std: float, unit: str) -> str:
     return _with_unit(f"{text} × 10" + str(exponent).translate(SUPERSCRIPT), scaled)
 
 
+def plain(text: str) -> str:
+    """The same text with ordinary spaces, for terminals and data."""
+    return text.replace("\u00a0", " ")
+
+
+def unbroken(text: str) -> str:
+    """Plain text whose numbers stay on one line with their units and deviations."""
+    text = re.sub(r"(?<=\d) (?=[Mkmµn]?(rad|m|s|V|A|N|Hz)\b)", "\u00a0", text)
+    return text.replace(" ± ", "\u00a0±\u00a0").replace("N m", "N\u00a0m")
+
+
 def percent(share: float | None, digits: int = 3) -> str:
     """A share in per cent; shares short of all never round up to 100 %."""
     if share is None or not math.isfinite(share):
@@ -83,12 +99,12 @@ def percent(share: float | None, digits: int = 3) -> str:
     text = number(value, digits)
     if value < 100.0 and text.startswith("100"):
         text = "> 99.9"
-    return f"{text} %"
+    return f"{text}\u00a0%"
 
 
 def title(name: str) -> str:
     """The canonical name of an effect or a parameter in words: ``coulomb_friction`` is Coulomb friction."""
-    return " ".join(PROPER_NAMES.get(word, word) for word in name.split("_"))
+    return " ".join(PROPER_NAMES.get(word, word) for word in name.replace("_", " ").split(" "))
 
 
 def sentence_case(text: str) -> str:

@@ -152,13 +152,14 @@ class Quantiles:
 class PartialResidual:
     """The residual against the signal that tells an effect: what the effect has to explain, its law, what is left.
 
-    effect: None for the remainder of the final model. kind: what the residual is expressed as. x (K,) with bins in
-    `before` and `after`; `laws` are (name, values (K,)), the effect's own first, then those of its rivals. samples
+    effect: None for the remainder of the final model. kind: what the residual is expressed as, a command that is
+    missing, a resisting torque that is missing (in units of the command), or an error of the reading. x (K,) with bins
+    in `before` and `after`; `laws` are (name, values (K,)), the effect's own first, then those of its rivals. samples
     (2, M): some unbinned pairs of signal and residual. continuous: x is a stretch of time instead of bins.
     """
 
     effect: str | None
-    kind: Literal["command", "reading"]
+    kind: Literal["command", "resistance", "reading"]
     signal: str
     signal_unit: str
     unit: str

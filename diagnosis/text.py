@@ -2,71 +2,63 @@
 
 from __future__ import annotations
 
-import math
 from io import StringIO
 
+from diagnosis.quantities import measured, number, percent, plain, quantity, scale_for, title
 from diagnosis.result import Diagnosis, Estimate, Gap, JointResult, NamedEffect
 
-PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: ""}
-
-
-def with_prefix(value: float, unit: str) -> tuple[float, str]:
-    """A length or an angle in a unit that keeps it between 1 and 1000: (scaled value, unit)."""
-    if value == 0.0 or not math.isfinite(value):
-        return value, unit
-    exponent = min(0, max(-9, 3 * math.floor(math.log10(abs(value)) / 3)))
-    return value / 10.0**exponent, PREFIXES[exponent] + unit
-
-
-def rounded(estimate: Estimate) -> str:
-    """Value and standard deviation, rounded to two digits of the latter: ``6.93 ± 0.11 N m``."""
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    if not estimate.std > 0.0 or not math.isfinite(estimate.std):
-        return f"{estimate.value:.4g}{unit}"
-    digits = max(0, 1 - math.floor(math.log10(estimate.std)))
-    if digits > 6:
-        return f"{estimate.value:.6g} ± {estimate.std:.2g}{unit}"
-    return f"{estimate.value:.{digits}f} ± {estimate.std:.{digits}f}{unit}"
-
-
-def spoken(name: str) -> str:
-    """An effect's name as words."""
-    return name.replace("_", " ")
+HEADLINE = {"joint_flexibility": "stiffness"}
+"""Effects that are better known by another parameter than their first."""
 
 
 def describe(effect: NamedEffect) -> str:
-    """An effect with its first parameter: ``coulomb friction of 6.9 ± 0.1 N m``."""
-    return f"{spoken(effect.name)} of {rounded(effect.parameters[0].physical)}"
+    """An effect with the parameter that says how strong it is: ``Coulomb friction of 6.9 ± 0.1 N m``."""
+    named = {p.name: p.physical for p in effect.parameters}
+    estimate = named.get(HEADLINE.get(effect.name, ""), effect.parameters[0].physical)
+    return f"{title(effect.name)} of {rounded(estimate)}"
+
+
+def rounded(estimate: Estimate) -> str:
+    """A number with its standard deviation and unit."""
+    return measured(estimate.value, estimate.std, estimate.unit)
 
 
 def gain(gap: Gap) -> str:
-    """How an error changed: ``from 41 to 3.1 mrad, noise floor 1 mrad``."""
-    _, unit = with_prefix(gap.before, gap.unit)
-    scale = with_prefix(gap.before, gap.unit)[0] / gap.before if gap.before else 1.0
-    before, after, floor = (f"{scale * value:.3g}" for value in (gap.before, gap.after, gap.noise_floor))
-    return f"from {before} to {after} {unit}, noise floor {floor} {unit}"
+    """How an error changed: ``cuts the held-out error from 41 to 3.1 mrad, noise floor 1 mrad``."""
+    factor, unit = scale_for([gap.before], gap.unit)
+    before, after, floor = (number(factor * value) for value in (gap.before, gap.after, gap.noise_floor))
+    verb = "cuts" if gap.after < gap.before else "changes"
+    return f"{verb} the {error_name(gap)} from {before} to {after} {unit}, noise floor {floor} {unit}"
+
+
+def error_name(gap: Gap) -> str:
+    """What the error was measured on."""
+    return "held-out error" if gap.on == "held-out" else "error on the data kept apart"
 
 
 def joint_sentence(joint: JointResult, gap: Gap | None) -> str:
-    """One sentence about one joint."""
-    start = f"Joint {joint.joint}: "
-    error = "held-out error" if gap is None or gap.on == "held-out" else "error on the data kept apart"
+    """One sentence about one joint, in plain spaces."""
+    return plain(f"Joint {joint.joint}: {_finding(joint, gap)}.")
+
+
+def _finding(joint: JointResult, gap: Gap | None) -> str:
     named = " and ".join(describe(effect) for effect in joint.effects)
     plural = len(joint.effects) > 1
-    adding = f"adding {'them' if plural else 'it'} changes the {error} {gain(gap)}" if gap else ""
+    adding = f"adding {'them' if plural else 'it'} {gain(gap)}" if gap else ""
     if joint.verdict == "none":
-        tail = f"; its {error} is {gain(gap).split(' to ')[0][5:]} {gain(gap).split(' ')[-1]}" if gap else ""
-        return f"{start}the refitted nominal model is good to the noise floor{tail}."
+        tail = f"; its {error_name(gap)} is {quantity(gap.before, gap.unit)}" if gap else ""
+        return f"the refitted nominal model is good to the noise floor{tail}"
     if joint.verdict == "unknown":
         signals = [d.signal for d in joint.remainder[:2] if d.p_value < 1e-3]
         depends = f"; it depends on {' and '.join(signals)}" if signals else ""
-        found = f"{named} explain{'' if plural else 's'} part of the gap ({adding}), but " if named else ""
-        return f"{start}{found}something is missing that no known effect explains{depends}."
-    missing = f"{start}{named} {'are' if plural else 'is'} missing; {adding}"
-    rivals = sorted({spoken(other.name) for effect in joint.effects for other in effect.alternatives})
+        measured_gain = f" ({adding})" if adding else ""
+        found = f"{named} explain{'' if plural else 's'} part of the gap{measured_gain}, but " if named else ""
+        return f"{found}something is missing that no known effect explains{depends}"
+    missing = f"{named} {'are' if plural else 'is'} missing{f'; {adding}' if adding else ''}"
+    rivals = sorted({title(other.name) for effect in joint.effects for other in effect.alternatives})
     if joint.verdict == "ambiguous" and rivals:
-        return f"{missing}; these logs cannot tell this from {' or '.join(rivals)}."
-    return f"{missing}."
+        return f"{missing}; these logs cannot tell this from {' or '.join(rivals)}"
+    return missing
 
 
 def table(diagnosis: Diagnosis, width: int = 100) -> str:
@@ -95,21 +87,14 @@ def table(diagnosis: Diagnosis, width: int = 100) -> str:
         grid.add_row(
             str(row.joint),
             row.step,
-            _number(row.inverse_error, command),
-            _number(row.window_error, position),
-            _number(row.whole_error, position),
-            "" if row.closed is None else f"{100 * row.closed:.1f} %",
-            "" if row.microseconds is None else f"{row.microseconds:.2g}",
+            quantity(row.inverse_error, command),
+            quantity(row.window_error, position),
+            quantity(row.whole_error, position),
+            percent(row.closed),
+            number(row.microseconds, 2),
         )
     console.print(grid)
     if diagnosis.next_experiment is not None:
         proposal = diagnosis.next_experiment
         console.print(f"Next: {proposal.excitation} ({proposal.purpose}): {proposal.benefit}", markup=False)
-    return "\n".join(line.rstrip() for line in page.getvalue().splitlines())
-
-
-def _number(value: float | None, unit: str) -> str:
-    if value is None:
-        return "-"
-    scaled, named = with_prefix(value, unit)
-    return f"{scaled:.3g} {named}"
+    return plain("\n".join(line.rstrip() for line in page.getvalue().splitlines()))

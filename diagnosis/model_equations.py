@@ -1,0 +1,67 @@
+"""The extended model of a joint as formulas: the nominal equation of motion, and one law per effect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from diagnosis.result import JointResult, NamedEffect
+
+GRAVITY = (("gravity_sine", r"G_s \sin q"), ("gravity_cosine", r"G_c \cos q"), ("load", "L"))
+SYMBOLS = {
+    "inertia": "J",
+    "damping": "B",
+    "electrical_time_constant": "T_e",
+    "gravity_sine": "G_s",
+    "gravity_cosine": "G_c",
+    "load": "L",
+}
+"""Nominal parameters by the letters of the equation of motion."""
+RESISTING = (r"\tau_f", r"\tau_c", r"\tau_d", r"\tau_g", r"\tau")
+"""Left-hand sides of laws that resist the motion, and so join the equation of motion on its left."""
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A line of the model in TeX; `effect` is None for the nominal equations."""
+
+    tex: str
+    effect: str | None
+
+
+def model_equations(joint: JointResult) -> tuple[Formula, ...]:
+    """Equations of the extended model, torques in units of the command; other joints enter by their effects alone."""
+    names = {parameter.name for parameter in joint.nominal}
+    laws = _laws(joint.effects)
+    driven = "v_a" if any(effect.stage == "amplifier" for effect in joint.effects) else "u"
+    motor = r"\tau_m" if any(_side(effect.equation) == r"\tau_m" for effect in joint.effects) else "w"
+    terms = [r"J\,\ddot q", r"B\,\dot q", *(term for name, term in GRAVITY if name in names)]
+    terms += [side for side, formula in laws if side is not None and formula.effect is not None]
+    lines = []
+    if "electrical_time_constant" in names:
+        terms[1] = r"b\,\dot q"
+        lines.append(Formula(rf"T_e\,\dot w + w = {driven} - k\,\dot q,\quad B = b + k", None))
+    elif motor == "w":
+        motor = driven
+    lines.append(Formula(f"{' + '.join(terms)} = {motor}", None))
+    return (*lines, *(formula for _, formula in laws))
+
+
+def _laws(effects: tuple[NamedEffect, ...]) -> list[tuple[str | None, Formula]]:
+    """Laws with their symbol in the equation of motion; effects that would share a symbol are numbered."""
+    sides = [_side(effect.equation) for effect in effects]
+    found: list[tuple[str | None, Formula]] = []
+    for index, (effect, side) in enumerate(zip(effects, sides, strict=True)):
+        tex, symbol = effect.equation, side if side in RESISTING else None
+        if symbol is not None and sides.count(side) > 1:
+            letter = symbol.partition("_")[2]
+            symbol = rf"\tau_{{{letter}{sides[: index + 1].count(side)}}}"
+            tex = tex.replace(f"{side} =", f"{symbol} =", 1)
+        found.append((symbol, Formula(tex, effect.name)))
+    return found
+
+
+def _side(equation: str) -> str:
+    """The last left-hand side that is a torque, else the first one: laws with a state define the torque at the end."""
+    sides = [part.partition("=")[0].strip() for part in equation.split(r",\ ")]
+    torques = [side for side in sides if side.startswith(r"\tau")]
+    return torques[-1] if torques else sides[0]

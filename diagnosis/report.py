@@ -1,0 +1,242 @@
+"""`report.html`: a diagnosis as one self-contained page that an engineer reads from top to bottom.
+
+`render` gives the page's text; figures are inline SVG, styles are inline, and nothing is fetched. Whatever comes from
+logs (names, paths, findings) is escaped by the template.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+from diagnosis import quantities
+from diagnosis.model_equations import SYMBOLS, Formula, model_equations
+from diagnosis.result import (
+    Diagnosis,
+    Gap,
+    JointResult,
+    LedgerRow,
+    NamedEffect,
+    NominalParameter,
+    PartialResidual,
+    Series,
+    SignalDependence,
+)
+from diagnosis.text import joint_sentence
+
+SIGNIFICANT = 1e-3
+"""p-value below which the remainder counts as dependent on a signal."""
+ALIKE = 15.0
+"""Angle [degrees] between two effects below which logs hardly tell them apart."""
+MEANING = {
+    "none": "The model is good: what the refitted nominal model leaves is noise, and no known effect would improve it.",
+    "named": "Every named effect is significant, and no other known effect can take its place.",
+    "ambiguous": "An effect is missing, but these logs cannot tell the listed names apart; the next experiment would.",
+    "unknown": "Something real is left that no known effect explains; the signals that it depends on are stated.",
+}
+ROLES = {
+    "as given": "as given",
+    "nominal": "nominal",
+    "effect": "effect",
+    "compensator": "compensator",
+    "rival": "for comparison",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class EffectPage:
+    """One named effect with its figures and formula."""
+
+    effect: NamedEffect
+    law: Markup | None
+    wide: bool
+    evidence: Markup
+    formula: Markup
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """What one log did to the joint: ranges in SI, number of reversals of the direction."""
+
+    series: Series
+    command_rms: float
+    command_peak: float
+    travel: float
+    speed_rms: float
+    speed_peak: float
+    reversals: int
+
+
+@dataclass(frozen=True, eq=False)
+class JointPage:
+    """One joint with everything that the template shows of it."""
+
+    result: JointResult
+    gap: Gap | None
+    sentence: str
+    ledger: tuple[LedgerRow, ...]
+    effects: tuple[EffectPage, ...]
+    excitation: tuple[Excitation, ...]
+    adequacy: tuple[str, ...]
+    equations: tuple[tuple[Formula, Markup], ...]
+    symbols: Mapping[str, Markup]
+    figures: Mapping[str, Markup]
+    left: tuple[Markup, ...]
+    dependences: tuple[SignalDependence, ...]
+
+
+def render(diagnosis: Diagnosis) -> str:
+    """The page as HTML."""
+    from diagnosis.figures import report_style
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters.update(
+        number=quantities.number,
+        quantity=quantities.quantity,
+        percent=quantities.percent,
+        unit=quantities.pretty_unit,
+        title=quantities.title,
+        capital=quantities.sentence_case,
+        p_value=p_value,
+        unbroken=quantities.unbroken,
+    )
+    environment.globals.update(
+        measured=quantities.measured, scale_for=quantities.scale_for, MEANING=MEANING, ROLES=ROLES, ALIKE=ALIKE
+    )
+    with report_style():
+        joints = tuple(joint_page(diagnosis, joint) for joint in diagnosis.joints)
+    template = environment.from_string((files("diagnosis") / "templates" / "report.html.j2").read_text("utf-8"))
+    return template.render(d=diagnosis, joints=joints)
+
+
+def joint_page(diagnosis: Diagnosis, joint: JointResult) -> JointPage:
+    """Figures, formulas and sentences of one joint."""
+    from diagnosis.figures import equation
+
+    gap = next((gap for gap in diagnosis.gaps if gap.joint == joint.joint), None)
+    ledger = tuple(row for row in diagnosis.ledger if row.joint == joint.joint)
+    slug = f"j{joint.joint}"
+    formulas = model_equations(joint)
+    threshold = float(diagnosis.provenance.settings.get("threshold", 12.0))
+    remainder = [part for part in joint.partial_residuals if part.effect is None]
+    return JointPage(
+        result=joint,
+        gap=gap,
+        sentence=joint_sentence(joint, gap),
+        ledger=ledger,
+        effects=tuple(effect_page(joint, effect, threshold, f"{slug}e{i}") for i, effect in enumerate(joint.effects)),
+        excitation=tuple(excitation(series) for series in joint.series),
+        adequacy=tuple(adequacy(joint)),
+        equations=tuple((f, Markup(equation(f.tex, f"{slug}q{i}"))) for i, f in enumerate(formulas)),
+        symbols={p.name: Markup(equation(SYMBOLS[p.name], f"{slug}s{i}")) for i, p in enumerate(joint.nominal)},
+        figures=joint_figures(joint, gap, ledger, slug),
+        left=tuple(_partial(joint, part, f"{slug}r{i}") for i, part in enumerate(remainder)),
+        dependences=tuple(d for d in joint.remainder if d.p_value < SIGNIFICANT),
+    )
+
+
+def joint_figures(joint: JointResult, gap: Gap | None, ledger: Sequence[LedgerRow], slug: str) -> dict[str, Markup]:
+    """The figures of one joint by name; those without data are left out."""
+    from diagnosis import figures as draw
+
+    found: dict[str, str | None] = {}
+    if gap is not None and draw.bars(ledger):
+        found["waterfall"] = draw.waterfall(ledger, gap, f"{slug}waterfall")
+    held_out = [series for series in joint.series if series.held_out] or list(joint.series)
+    if joint.series:
+        found["command"] = draw.command_over_time(joint.series, joint.command_unit, f"{slug}command")
+        found["coverage"] = draw.coverage(joint.series, joint.position_unit, f"{slug}coverage")
+        found["over_time"] = draw.residual_over_time(held_out[0], joint.command_unit, f"{slug}time")
+        for signal, unit in (
+            ("velocity", f"{joint.position_unit}/s"),
+            ("position", joint.position_unit),
+            ("motor torque", joint.command_unit),
+        ):
+            name = f"{slug}{signal.split()[0]}"
+            found[signal] = draw.residual_against(held_out, signal, unit, joint.command_unit, name)
+        window = gap.window if gap is not None else 1.0
+        runs = [draw.free_run(series, joint.position_unit, window, f"{slug}free") for series in held_out]
+        found["free_run"] = next((run for run in runs if run is not None), None)
+    if joint.spectrum is not None:
+        found["spectrum"] = draw.residual_spectrum(joint.spectrum, joint.command_unit, f"{slug}spectrum")
+    return {name: Markup(text) for name, text in found.items() if text is not None}
+
+
+def effect_page(joint: JointResult, effect: NamedEffect, threshold: float, slug: str) -> EffectPage:
+    """An effect with the partial residual that belongs to it."""
+    from diagnosis.figures import equation, evidence
+
+    part = next((part for part in joint.partial_residuals if part.effect == effect.name), None)
+    return EffectPage(
+        effect=effect,
+        law=None if part is None else _partial(joint, part, f"{slug}law"),
+        wide=part is not None and part.continuous,
+        evidence=Markup(evidence(effect, threshold, f"{slug}evidence")),
+        formula=Markup(equation(effect.equation, f"{slug}formula")),
+    )
+
+
+def _partial(joint: JointResult, part: PartialResidual, name: str) -> Markup:
+    from diagnosis.figures import partial_residual
+
+    return Markup(partial_residual(part, name, joint.input_equivalent, joint.torque_unit))
+
+
+def excitation(series: Series) -> Excitation:
+    """Ranges of the signals of one log."""
+    rms = lambda x: float(np.sqrt(np.mean(x**2)))  # noqa: E731
+    moving = series.velocity[np.abs(series.velocity) > 0.02 * np.max(np.abs(series.velocity), initial=0.0)]
+    return Excitation(
+        series=series,
+        command_rms=rms(series.command),
+        command_peak=float(np.max(np.abs(series.command))),
+        travel=float(np.ptp(series.reading)),
+        speed_rms=rms(series.velocity),
+        speed_peak=float(np.max(np.abs(series.velocity))),
+        reversals=int(np.sum(np.diff(np.sign(moving)) != 0)),
+    )
+
+
+def adequacy(joint: JointResult) -> list[str]:
+    """What the logs determine, in sentences: nominal parameters, visible effects, pairs that look alike."""
+    said = []
+    known = [(p, relative_deviation(p)) for p in joint.nominal]
+    good = [f"{quantities.title(p.name)} to {quantities.percent(share, 2)}" for p, share in known if share < 0.05]
+    poor = [f"{quantities.title(p.name)} ({quantities.percent(share, 2)})" for p, share in known if share >= 0.05]
+    if good:
+        said.append(f"The logs determine {enumerated(good)}.")
+    if poor:
+        said.append(f"Poorly determined, with relative standard deviation: {enumerated(poor)}.")
+    seen = sorted(row.share for row in joint.isolability if row.share is not None)
+    if seen:
+        middle = quantities.percent(seen[len(seen) // 2], 2)
+        said.append(
+            f"{len(seen)} of {len(joint.isolability)} known effects would be visible; half of them from {middle} "
+            "of the command's rms or less."
+        )
+    hidden = [quantities.title(row.effect) for row in joint.isolability if row.threshold is None]
+    if hidden:
+        said.append(f"Not visible in these logs at any magnitude: {enumerated(hidden)}.")
+    return said
+
+
+def relative_deviation(parameter: NominalParameter) -> float:
+    """Standard deviation of a nominal parameter as a share of its value."""
+    value = abs(parameter.final.value)
+    return parameter.final.std / value if value > 0 else math.inf
+
+
+def enumerated(items: Sequence[str]) -> str:
+    """``a, b and c``."""
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
+
+
+def p_value(p: float) -> str:
+    """A p-value; below 1e-12 only that."""
+    return "< 10⁻¹²" if p < 1e-12 else quantities.number(p, 2)

@@ -33,6 +33,7 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         "isolability": [asdict(row) for joint in diagnosis.joints for row in joint.isolability],
         "not_separable": [asdict(row) for joint in diagnosis.joints for row in joint.confusable],
         "missing_in_mujoco": [dict(item) for item in diagnosis.missing_in_mujoco],
+        "mujoco_difference": diagnosis.mujoco_difference,
         "next_experiment": None if diagnosis.next_experiment is None else asdict(diagnosis.next_experiment),
         "provenance": asdict(diagnosis.provenance),
     }

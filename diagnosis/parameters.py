@@ -24,6 +24,8 @@ from methods.effects.base import Dimension, Effect
 from methods.kernel import NOMINAL
 
 Values = Mapping[str, float]
+INERTIA = "joint inertia"
+"""Name under which a change of variables finds the joint's own inertia, besides the effect's parameters."""
 LAGS = 60
 """Lags of the sandwich's kernel [samples]."""
 
@@ -98,7 +100,14 @@ CANONICAL: dict[str, Canonical] = {
     "encoder_eccentricity": _wave("amplitude", "position"),
     "joint_flexibility": _stiff("stiffness", damping="torque per velocity", inertia_ratio="ratio"),
     "backlash": _stiff("contact_stiffness", gap="position", inertia_ratio="ratio"),
-    "presliding_friction": _stiff("stiffness", torque="torque", damping="torque per velocity"),
+    "presliding_friction": Canonical(
+        {"torque": "torque", "stiffness": "torque per position", "damping": "torque per velocity"},
+        lambda p: {
+            "torque": p["torque"],
+            "stiffness": 1.0 / p["compliance"],
+            "damping": 2.0 * p["damping_ratio"] * math.sqrt(p[INERTIA] / p["compliance"]),
+        },
+    ),
     "stribeck_friction": Canonical(
         {"torque": "torque", "static_torque": "torque", "velocity": "velocity"},
         lambda p: {"torque": p["torque"], "static_torque": p["torque"] + p["excess"], "velocity": p["velocity"]},
@@ -176,11 +185,12 @@ def effect_parameters(
         plain = f"{effect.name}.{parameter.name}@{j}"
         columns[parameter.name] = [i for i, n in enumerate(names) if n == plain or n.startswith(f"{plain}#")]
     own = canonical(effect)
+    inertia = float(fitted.point.parameters[0, j, NOMINAL.index("inertia")])
 
     def values(x: Array) -> Array:
         """Canonical values; of what is free in every log the rms of the logs, of phases that of the first log."""
         each = [
-            own.change({name: float(x[c[min(k, len(c) - 1)]]) for name, c in columns.items()})
+            own.change({INERTIA: inertia} | {name: float(x[c[min(k, len(c) - 1)]]) for name, c in columns.items()})
             for k in range(max(len(c) for c in columns.values()))
         ]
         first = np.array([each[0][name] for name in own.dimensions])

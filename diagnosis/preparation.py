@@ -141,7 +141,17 @@ def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:
         gravity=gravity_kind(robot, joint, pose(log, robot)),
         viscous_share=viscous / total if total > 0.0 else 0.0,
         electrical_time_constant=lag or None,
+        torque_limit=torque_limit(robot, joint),
     )
+
+
+def torque_limit(robot: Robot, joint: int) -> float:
+    """Torque at the drive's current limit, in command units; 0 where there is none."""
+    drive = robot.joint(joint).drive
+    current = drive.current_limit.value
+    if drive.amplifier == "torque" or not np.isfinite(current):
+        return 0.0
+    return current * drive.torque_constant * drive.input_equivalent
 
 
 def pose(log: Log, robot: Robot) -> Array:

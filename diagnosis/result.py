@@ -282,7 +282,11 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """The outcome for all joints. `gaps` has one entry per joint, the widest first."""
+    """The outcome for all joints. `gaps` has one entry per joint, the widest first.
+
+    missing_in_mujoco: effects that `extended_model.xml` lacks and the error that costs. mujoco_difference: rms distance
+    of MuJoCo's motion from the model without them, per joint [rad or m].
+    """
 
     verdict: Verdict
     sentence: str
@@ -292,6 +296,7 @@ class Diagnosis:
     next_experiment: NextExperiment | None
     provenance: Provenance
     missing_in_mujoco: tuple[Mapping[str, Any], ...] = ()
+    mujoco_difference: Mapping[int, float] | None = None
 
     @property
     def effects(self) -> tuple[NamedEffect, ...]:

@@ -17,7 +17,8 @@ import numpy as np
 from scipy.signal import welch
 
 from diagnosis.engine import Accepted, Finding, Settings, Verdict, find
-from diagnosis.ledger import Step, floor_of, gap, given_point, rows, steps
+from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
+from diagnosis.ledger import WINDOW, Step, floor_of, gap, given_point, rows, steps
 from diagnosis.nominal import JointStructure
 from diagnosis.output import to_json
 from diagnosis.parameters import JointUnits, covariance, effect_parameters, joint_units, nominal_parameters
@@ -31,6 +32,7 @@ from diagnosis.preparation import (
 )
 from diagnosis.problem import Problem, smooth_derivatives, stack
 from diagnosis.replay import input_equivalent
+from diagnosis.report import render
 from diagnosis.result import (
     Alternative,
     Diagnosis,
@@ -51,6 +53,7 @@ from envs.log_files import write_atomically
 from methods.effects import built_in
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL, build
+from methods.structured import StructuredModel
 
 PLOTTED = 4000
 """Samples of a signal that are kept for plots."""
@@ -70,6 +73,11 @@ class Solved:
     held_out: Problem
     finding: Finding
     ledger: tuple[Step, ...]
+
+    @property
+    def last(self) -> Step:
+        """The model with all accepted effects."""
+        return next(step for step in reversed(self.ledger) if step.role in ("nominal", "effect"))
 
 
 def diagnose_files(
@@ -95,8 +103,16 @@ def diagnose_files(
         started = clock.perf_counter()
         read = recordings(logs, holdout, robot, columns, repair)
         seconds = {"reading": clock.perf_counter() - started}
-        diagnosis = diagnose(read, joint, tell=status.update, seconds=seconds)
-        write_atomically({out / "diagnosis.json": to_json(diagnosis).encode()})
+        diagnosis, model, twin = diagnose(read, joint, tell=status.update, seconds=seconds)
+        status.update("writing the report")
+        write_atomically(
+            {
+                out / "diagnosis.json": to_json(diagnosis).encode(),
+                out / "report.html": render(diagnosis).encode(),
+                out / "extended_model.json": model.to_json().encode(),
+                out / "extended_model.xml": twin.xml.encode(),
+            }
+        )
     return table(diagnosis)
 
 
@@ -108,14 +124,14 @@ def diagnose(
     effects: Sequence[Effect] | None = None,
     tell: Tell = lambda text: None,
     seconds: dict[str, float] | None = None,
-) -> Diagnosis:
+) -> tuple[Diagnosis, StructuredModel, Twin]:
     """Diagnose recordings in memory; `effects` is the vocabulary (all known ones unless given)."""
     settings, seconds = settings or Settings(), {} if seconds is None else seconds
     known = tuple(built_in() if effects is None else effects)
     findings = list(read.findings)
     joints = moving_joints(read.fitted, joint, findings)
     rng = np.random.default_rng(0)
-    results, gaps, ledger = [], [], []
+    results, gaps, ledger, extensions = [], [], [], []
     for group in ((number,) for number in joints):
         solved = solve(read, group, known, settings, tell, seconds)
         started = clock.perf_counter()
@@ -125,11 +141,18 @@ def diagnose(
             results.append(result)
             gaps.append(own_gap)
             ledger += own_rows
+        inputs = tuple(structure_.input for structure_ in solved.structures)
+        extensions.append(Extension(group, inputs, solved.units, solved.held_out, solved.last.point))
         seconds["results"] = seconds.get("results", 0.0) + clock.perf_counter() - started
+    started = clock.perf_counter()
+    tell("exporting the extended model")
+    model = extended_model(extensions)
+    twin = mujoco_twin(model, extensions, [joint_name(read, number) for number in model.joints], WINDOW)
+    seconds["export"] = clock.perf_counter() - started
     by_joint = {item.joint: item for item in gaps}
     gaps.sort(key=lambda item: -item.before / max(item.noise_floor, 1e-300))
     verdict = next(v for v in WORST if any(result.verdict == v for result in results))
-    return Diagnosis(
+    diagnosis = Diagnosis(
         verdict=verdict,
         sentence=" ".join(joint_sentence(result, by_joint[result.joint]) for result in results),
         joints=tuple(results),
@@ -137,7 +160,15 @@ def diagnose(
         ledger=tuple(ledger),
         next_experiment=None,
         provenance=provenance(read, settings, seconds, findings),
+        missing_in_mujoco=twin.left_out,
+        mujoco_difference=twin.difference,
     )
+    return diagnosis, model, twin
+
+
+def joint_name(read: Recordings, number: int) -> str:
+    """Name of a joint on its robot, or joint_N."""
+    return f"joint_{number}" if read.robot is None else read.robot.joint(number).name
 
 
 def solve(
@@ -241,7 +272,7 @@ def all_series(solved: Solved, j: int) -> list[Series]:
     """Signals for plots of the first held-out log."""
     problem = solved.held_out
     before = next(step for step in solved.ledger if step.role == "nominal")
-    after = solved.ledger[-1]
+    after = solved.last
     residuals = [input_equivalent(problem, step.point, step.replay.prediction)[:, j] for step in (before, after)]
     a, b = int(problem.bounds[0]), int(problem.bounds[1])
     pick = slice(a, b, max(1, (b - a) // PLOTTED))
@@ -271,7 +302,7 @@ def spectrum(solved: Solved, j: int) -> Spectrum:
     before = next(step for step in solved.ledger if step.role == "nominal")
     rows_ = slice(int(problem.bounds[0]), int(problem.bounds[1]))
     densities = []
-    for step in (before, solved.ledger[-1]):
+    for step in (before, solved.last):
         residual = input_equivalent(problem, step.point, step.replay.prediction)[rows_, j]
         frequency, power = welch(residual, 1.0 / problem.sample_time, nperseg=min(len(residual), 4096))
         densities.append(np.sqrt(power))

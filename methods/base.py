@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import abc
 import enum
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -25,6 +25,9 @@ class MethodError(ValueError):
     def __init__(self, problem: str, *, remedy: str):
         self.problem, self.remedy = problem, remedy
         super().__init__(f"{problem}. {remedy}")
+
+    def __reduce__(self) -> tuple[Callable[[], MethodError], tuple[()]]:
+        return partial(type(self), self.problem, remedy=self.remedy), ()  # survives the way between processes
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,12 +73,12 @@ def split(logs: Sequence[Log]) -> tuple[Log, tuple[Log, ...]]:
 def study_measured(logs: Sequence[Log], seed: int) -> Measured:
     """Runs the pipeline on logs of one joint. Raises MethodError or LogError when they cannot carry it."""
     log, held_out = split(logs)
-    if any(other.joints != log.joints or other.facts[0].input != log.facts[0].input for other in held_out):
-        raise LogError(
-            "the logs are of different joints or inputs", remedy="Give logs of one joint", source=held_out[0].source
-        )
+    for other in held_out:
+        _check_alike(log, other)
     smooth = fitting_bandwidth(log)
     idim = idim_for(log)
+    for part in (log, *held_out):
+        _check_long_enough(part, smooth)
     chosen = (*contestants(HORIZONTAL, smooth), Contestant(IDIM, idim))
     fits = fit_all(chosen, log, seed)
     estimators: dict[str, LeastSquares] = {
@@ -107,6 +107,32 @@ def study_measured(logs: Sequence[Log], seed: int) -> Measured:
         ),
         notes=notes,
     )
+
+
+def _check_long_enough(log: Log, smooth: BandLimited) -> None:
+    """Raises LogError for a log that the differentiator would eat up."""
+    needed = 4 * smooth.half_width(log.sample_time)
+    if len(log) < needed:
+        raise LogError(
+            f"{len(log)} samples are too few: a differentiator of {smooth.bandwidth:.3g} Hz needs {needed}",
+            remedy=f"Record {needed * log.sample_time:.2g} s or more",
+            source=log.source,
+        )
+
+
+def _check_alike(log: Log, other: Log) -> None:
+    """Raises LogError when `other` cannot be a held-out log of the same joint."""
+    differs = {
+        "of another joint": other.joints != log.joints,
+        "of another robot": other.robot != log.robot,
+        "driven by another kind of input": other.facts[0].input != log.facts[0].input,
+        f"sampled every {1e3 * other.sample_time:.3g} ms, the fitted one every {1e3 * log.sample_time:.3g} ms": not (
+            0.95 < other.sample_time / log.sample_time < 1.05
+        ),
+    }
+    for what, found in differs.items():
+        if found:
+            raise LogError(f"this log is {what}", remedy="Give logs of one joint, recorded alike", source=other.source)
 
 
 def fitting_bandwidth(log: Log) -> BandLimited:
@@ -161,6 +187,7 @@ def published_table(
         f"{machine.title}: least squares with Coulomb and offset columns against the published figures",
         ("figure", "unit", "published", "here", "standard error", "deviation"),
         tuple(rows),
+        digits=5,
     )
     note = f"{log.name} is recognised as the rig {machine.name}; published figures stand beside ours."
     return (table,), (note,)
@@ -183,7 +210,7 @@ def left_over_table(log: Log, held_out: Sequence[Log], estimators: Mapping[str, 
                     part.name,
                     float(np.sqrt(np.mean(residual**2))),
                     100.0 * float(np.linalg.norm(residual) / np.linalg.norm(problem.command)),
-                    None if direction is None else 100.0 * _explained(residual, direction),
+                    None if direction is None else f"{100.0 * _explained(residual, direction):.1f}",
                 )
             )
     return Table(

@@ -6,7 +6,7 @@ No outcome stands in the template or here: sentences with numbers are built from
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,7 +51,7 @@ def render(page: Page, figures: Path) -> str:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
-    environment.filters["cell"] = lambda value: text_of(value, 3)
+    environment.filters["cell"] = text_of
     environment.filters["tone"] = _tone
     inside = {
         picture.name: base64.b64encode((figures / f"{picture.name}.svg").read_bytes()).decode()
@@ -66,8 +66,3 @@ def _tone(verdict: str) -> str:
     if verdict == "reproduced":
         return "yes"
     return "no" if verdict == "not reproduced" else "partly"
-
-
-def numbered(pictures: Sequence[tuple[str, str, str]]) -> tuple[Picture, ...]:
-    """Pictures from (name, number, caption)."""
-    return tuple(Picture(name, f"{number}. {caption}") for name, number, caption in pictures)

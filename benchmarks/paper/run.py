@@ -23,8 +23,8 @@ from envs.log import LogError
 from envs.log_files import load
 from methods.base import MethodError
 
-InputError = (LogError, MethodError)
-"""What unusable input raises: one line each."""
+InputError = (LogError, MethodError, OSError)
+"""What unusable input, or a folder that cannot be written, raises: one line each."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,9 @@ def run_study(extent: Extent, out: Path, seed: int) -> Report:
 def run_on_logs(paths: Sequence[Path], joint: int | None, out: Path, seed: int) -> Report:
     """The pipeline on measured logs into `out`. Raises `InputError` before anything is written."""
     logs = readable(joint_of([load(path) for path in paths], joint))
+    with Console(stderr=True).status("fitting and scoring"):
+        report = measured_report(study_measured(logs, seed))
     with workers() as work:
-        (measured,) = work.all("pipeline", [(study_measured, (logs, seed))])
-        report = measured_report(measured)
         write(report, out, work.draw)
     _announce(report, out)
     return report

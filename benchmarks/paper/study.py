@@ -261,7 +261,8 @@ def _encoder_bound(model: JointModel, log: Log) -> Array:
 def history(method: LeastSquares, log: Log) -> tuple[Array, Array]:
     """Numbers of samples (N,) and estimates (N, p) after each of them."""
     problem = method.problem([log])
-    return np.arange(1.0, len(problem.command) + 1.0), estimate_history(problem.regressor, problem.command)
+    samples = np.arange(1, len(problem.command) + 1, dtype=np.float64)
+    return samples, estimate_history(problem.regressor, problem.command)
 
 
 def history_row(draw: int, name: str, estimates: Array, truth: Mapping[ColumnName, float]) -> HistoryRow:

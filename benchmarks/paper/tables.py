@@ -32,12 +32,13 @@ SYMBOL: Mapping[ColumnName, str] = {
 
 @dataclass(frozen=True)
 class Table:
-    """A title, column names and rows of text or numbers."""
+    """A title, column names and rows of text or numbers; people see numbers with so many significant `digits`."""
 
     name: str
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]
+    digits: int = 3
 
     def csv(self) -> str:
         """Comma-separated, one header line."""
@@ -50,7 +51,7 @@ class Table:
     def markdown(self) -> str:
         """A Markdown table under its title."""
         lines = [f"**{self.title}**", "", _line(self.columns), _line("---" for _ in self.columns)]
-        lines += [_line(text_of(value, 3) for value in row) for row in self.rows]
+        lines += [_line(text_of(value, self.digits) for value in row) for row in self.rows]
         return "\n".join(lines) + "\n"
 
 
@@ -114,7 +115,7 @@ def choices_table() -> Table:
 
 
 def parameter_tables(results: Sequence[DrawResult]) -> tuple[Table, Table, Table]:
-    """Every estimate; per joint, coefficient and estimator the summary over the draws; and the nominal robot in short."""
+    """Every estimate; per coefficient and estimator the summary over the draws; and the nominal robot in short."""
     rows = [row for result in results for row in result.parameters]
     everything = Table(
         "parameters",

@@ -249,7 +249,7 @@ def verdict(
     """none, named, ambiguous or unknown."""
     explained = nominal.criterion - final.criterion
     excess = sum(r.excess for r in left)
-    if excess > max(settings.unexplained * explained, 30.0):
+    if excess > max(settings.unexplained * explained, 20.0):
         return "unknown"
     if any(item.rivals for item in accepted):
         return "ambiguous"

@@ -242,7 +242,10 @@ def from_arrow(column: pa.ChunkedArray) -> NDArray[Any]:
     if pa.types.is_timestamp(column.type):
         nanoseconds = column.cast(pa.timestamp("ns")).to_numpy()
         return (nanoseconds - nanoseconds[0]).astype("timedelta64[ns]").astype(np.float64) * 1e-9
-    if pa.types.is_floating(column.type) or pa.types.is_integer(column.type) or pa.types.is_boolean(column.type):
+    numbers = pa.types.is_floating(column.type) or pa.types.is_integer(column.type)
+    if numbers and not column.null_count:
+        return np.from_dlpack(column.combine_chunks())  # to_numpy would import pandas
+    if numbers or pa.types.is_boolean(column.type):
         return column.cast(pa.float64()).to_numpy() if column.null_count else column.to_numpy()
     if pa.types.is_null(column.type):
         return np.full(len(column), np.nan)

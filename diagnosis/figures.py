@@ -76,8 +76,7 @@ def svg(figure: Figure, name: str, label: str) -> str:
     text = re.sub(r'\b(d|x|y)="([^"]*)"', lambda found: f'{found[1]}="{_shortened(found[2])}"', text)
     width, height = figure.get_size_inches()
     box = f'viewBox="0 0 {72 * width:g} {72 * height:g}" role="img" aria-label="{escape(label)}"'
-    head = f'<svg xmlns:xlink="http://www.w3.org/1999/xlink" xmlns="http://www.w3.org/2000/svg" {box}>'
-    return head + text[text.index(">") + 1 :]
+    return f"<svg {box}>" + text[text.index(">") + 1 :].replace("xlink:href", "href")
 
 
 def _shortened(coordinates: str) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.signal import welch
 
 from diagnosis.engine import Accepted, Finding, Settings, Verdict, find
+from diagnosis.estimation import Point
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
 from diagnosis.ledger import WINDOW, Step, floor_of, gap, given_point, rows, steps
 from diagnosis.nominal import JointStructure
@@ -57,6 +58,8 @@ from methods.structured import StructuredModel
 
 PLOTTED = 4000
 """Samples of a signal that are kept for plots."""
+SHOWN_LOGS = 5
+"""Fitted logs whose signals are kept for plots."""
 WORST: tuple[Verdict, ...] = ("unknown", "ambiguous", "named", "none")
 """Verdicts of several joints: the first that any of them has is that of all."""
 Tell = Callable[[str], None]
@@ -269,31 +272,68 @@ def evidence(scored: Scored, material: float | None = None) -> Evidence:
 
 
 def all_series(solved: Solved, j: int) -> list[Series]:
-    """Signals for plots of the first held-out log."""
-    problem = solved.held_out
-    before = next(step for step in solved.ledger if step.role == "nominal")
-    after = solved.last
-    residuals = [input_equivalent(problem, step.point, step.replay.prediction)[:, j] for step in (before, after)]
-    a, b = int(problem.bounds[0]), int(problem.bounds[1])
-    pick = slice(a, b, max(1, (b - a) // PLOTTED))
-    smooth = smooth_derivatives(problem.time[a:b], problem.reading[a:b, j : j + 1], max(0.03, 8 * problem.sample_time))
-    thin = slice(0, b - a, pick.step)
+    """Signals for plots: of the fitted logs, and of the first held-out log with its free simulations."""
+    problem, held_out, finding = solved.problem, solved.held_out, solved.finding
+    before, after = next(step for step in solved.ledger if step.role == "nominal"), solved.last
+    fits = [(fitted.point, fitted.error) for fitted in (finding.nominal, finding.final)]
+    replays = [(step.point, step.replay.prediction) for step in (before, after)]
+    back_emf = finding.final.point.parameters[0, j, NOMINAL.index("back_emf")]
+    velocity = np.concatenate([_motion(problem, log, j)[1] for log in range(problem.logs)])
+    nothing = np.full_like(velocity, np.nan)
+    torque = problem.command[:, j] - back_emf * velocity
+    shown = range(min(problem.logs, SHOWN_LOGS))
     return [
-        Series(
-            log=problem.names[0],
+        *(one_series(problem, log, j, fits, torque, (nothing, nothing)) for log in shown),
+        one_series(
+            held_out,
+            0,
+            j,
+            replays,
+            after.replay.motor_torque[:, j],
+            (before.replay.windows[:, j], after.replay.windows[:, j]),
             held_out=True,
-            time=problem.time[pick],
-            command=problem.command[pick, j],
-            reading=problem.reading[pick, j],
-            velocity=smooth[1][thin, 0],
-            acceleration=smooth[2][thin, 0],
-            motor_torque=after.replay.motor_torque[pick, j],
-            before=residuals[0][pick],
-            after=residuals[1][pick],
-            free_before=before.replay.windows[pick, j],
-            free_after=after.replay.windows[pick, j],
-        )
+        ),
     ]
+
+
+def one_series(
+    problem: Problem,
+    log: int,
+    j: int,
+    predictions: Sequence[tuple[Point, Array]],
+    motor_torque: Array,
+    free: tuple[Array, Array],
+    *,
+    held_out: bool = False,
+) -> Series:
+    """Signals of one log of a problem; predictions are (point, errors (T, n)), torque and free errors are (T,)."""
+    before, after = (input_equivalent(problem, point, error)[:, j] for point, error in predictions)
+    a, b = int(problem.bounds[log]), int(problem.bounds[log + 1])
+    step = max(1, (b - a) // PLOTTED)
+    pick = slice(a, b, step)
+    _, velocity, acceleration = _motion(problem, log, j)
+    return Series(
+        log=problem.names[log],
+        held_out=held_out,
+        time=problem.time[pick],
+        command=problem.command[pick, j],
+        reading=problem.reading[pick, j],
+        velocity=velocity[::step],
+        acceleration=acceleration[::step],
+        motor_torque=motor_torque[pick],
+        before=before[pick],
+        after=after[pick],
+        free_before=free[0][pick],
+        free_after=free[1][pick],
+    )
+
+
+def _motion(problem: Problem, log: int, j: int) -> tuple[Array, Array, Array]:
+    """Smoothed position, velocity and acceleration of one log, each (samples,)."""
+    rows_ = slice(int(problem.bounds[log]), int(problem.bounds[log + 1]))
+    seconds = max(0.03, 8 * problem.sample_time)
+    q, dq, ddq = smooth_derivatives(problem.time[rows_], problem.reading[rows_, j : j + 1], seconds)
+    return q[:, 0], dq[:, 0], ddq[:, 0]
 
 
 def spectrum(solved: Solved, j: int) -> Spectrum:

@@ -1,0 +1,314 @@
+"""The report: one self-contained page for every verdict, with the numbers of the diagnosis and nothing unescaped."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from diagnosis.figures import equation, report_style
+from diagnosis.model_equations import model_equations
+from diagnosis.output import to_json
+from diagnosis.quantities import measured, number, percent, quantity, unbroken
+from diagnosis.report import MEANING, render
+from diagnosis.result import (
+    Alternative,
+    Diagnosis,
+    Estimate,
+    Evidence,
+    Gap,
+    Isolability,
+    JointResult,
+    LedgerRow,
+    NamedEffect,
+    NextExperiment,
+    NominalParameter,
+    ParameterEstimate,
+    PartialResidual,
+    Provenance,
+    Quantiles,
+    Series,
+    SignalDependence,
+    Spectrum,
+)
+from diagnosis.text import joint_sentence
+from methods.effects import built_in
+
+HOSTILE = '<script>alert("1")</script> $x_{ & \' "onmouseover="x'
+VERDICTS = tuple(MEANING)
+
+
+def series(log: str, held_out: bool) -> Series:
+    time = np.linspace(0.0, 10.0, 801)
+    velocity = np.cos(3 * time)
+    friction = -0.05 * np.sign(velocity)
+    free = 0.04 * np.sin(2 * time) if held_out else np.full(time.shape, np.nan)
+    return Series(
+        log=log,
+        held_out=held_out,
+        time=time,
+        command=np.sin(3 * time),
+        reading=np.sin(3 * time) / 3,
+        velocity=velocity,
+        acceleration=-3 * np.sin(3 * time),
+        motor_torque=np.sin(3 * time) - 0.3 * velocity,
+        before=friction,
+        after=0.01 * friction,
+        free_before=free,
+        free_after=0.05 * free,
+    )
+
+
+def friction(joint: int, rivals: tuple[str, ...] = ()) -> NamedEffect:
+    effect = next(e for e in built_in() if e.name == "coulomb_friction")
+    return NamedEffect(
+        name=effect.name,
+        joint=joint,
+        stage=effect.stage,
+        equation=effect.equation,
+        variable=effect.variable,
+        parameters=(ParameterEstimate("torque", Estimate(6.912, 0.118, "N m"), Estimate(0.0549, 0.00094, "V")),),
+        evidence=Evidence(5321.0, 11.0, 0.05),
+        alternatives=tuple(Alternative(name, joint, Evidence(5320.0, 22.0)) for name in rivals),
+    )
+
+
+def law(effect: str | None) -> PartialResidual:
+    x = np.linspace(-1.0, 1.0, 40)
+    step = 0.05 * np.sign(x)
+    noise = Quantiles(0.0 * x, 0.0 * x - 0.002, 0.0 * x + 0.002)
+    return PartialResidual(
+        effect=effect,
+        kind="resistance",
+        signal="velocity",
+        signal_unit="rad/s",
+        unit="V",
+        x=x,
+        before=Quantiles(step, step - 0.002, step + 0.002),
+        after=noise,
+        laws=((effect, step), ("dead_zone", 0.9 * step)) if effect else (),
+        samples=np.stack([x, step]),
+        continuous=False,
+    )
+
+
+def nominal(
+    name: str, unit: str, given: float | None, without: tuple[float, float], final: tuple[float, float]
+) -> NominalParameter:
+    return NominalParameter(name, unit, given, Estimate(*without, unit), Estimate(*final, unit))
+
+
+def joint_result(joint: int, verdict: str, log: str) -> JointResult:
+    effects = {
+        "none": (),
+        "named": (friction(joint),),
+        "ambiguous": (friction(joint, ("dead_zone",)),),
+        "unknown": (friction(joint),),
+    }[verdict]
+    left = verdict == "unknown"
+    return JointResult(
+        joint=joint,
+        input="voltage",
+        command_unit="V",
+        position_unit="rad",
+        torque_unit="N m",
+        input_equivalent=0.00794,
+        verdict=verdict,
+        effects=effects,
+        nominal=(
+            nominal("inertia", "V s^2/rad", 0.075, (0.07, 1e-4), (0.0681, 2e-5)),
+            nominal("damping", "V s/rad", None, (0.8, 1e-2), (0.53, 0.05)),
+            nominal("electrical_time_constant", "s", 0.01, (0.007, 1e-4), (0.008, 1e-5)),
+        ),
+        remainder=(
+            SignalDependence("position", 420.0 if left else 9.0, 8, 1e-80 if left else 1.0),
+            SignalDependence("elapsed time", 5.0, 8, 1.0),
+        ),
+        remainder_excess=380.0 if left else 0.0,
+        series=(series(log, held_out=False), series("check", held_out=True)),
+        spectrum=Spectrum(np.linspace(0, 40, 200), np.full(200, 0.01), np.full(200, 0.001)),
+        isolability=(
+            Isolability("coulomb_friction", joint, 0.0002, 0.0003, "stribeck_friction", 4.2),
+            Isolability("axis_coupling", joint, None, None, None, None),
+        ),
+        partial_residuals=(*(law(effect.name) for effect in effects), law(None)),
+    )
+
+
+def example(verdict: str, joints: int = 1, log: str = "train") -> Diagnosis:
+    """A diagnosis as `diagnosis.run` gives it, with invented numbers."""
+    results = tuple(joint_result(joint, verdict, log) for joint in range(1, joints + 1))
+    gaps = tuple(Gap(r.joint, "rad", 0.04123, 0.00312, 0.00101, 0.9475, (0.93, 0.96), "held-out") for r in results)
+    ledger = tuple(
+        LedgerRow(r.joint, step, role, 0.05, error, 2 * error, (0.9 * error, 1.1 * error), share, 1.3)
+        for r in results
+        for step, role, error, share in (
+            ("nominal as given", "as given", 0.0501, -0.2),
+            ("refit nominal parameters", "nominal", 0.04123, 0.0),
+            ("+ coulomb_friction", "effect", 0.00312, 0.9475),
+            ("least squares and network", "rival", 0.0102, 0.77),
+        )
+    )
+    size = {"name": log, "source": log, "sha256": "ab" * 32, "samples": 801, "duration": 10.0, "sample_time": 0.0125}
+    return Diagnosis(
+        verdict=verdict,
+        sentence=" ".join(joint_sentence(r, g) for r, g in zip(results, gaps, strict=True)),
+        joints=results,
+        gaps=gaps,
+        ledger=ledger,
+        next_experiment=NextExperiment(1, "multisine:amplitude=2", "sharpen the torque", "half the deviation", 2.0),
+        provenance=Provenance(
+            (size,), (), "AdeptOne", {"python": "3.11"}, {"threshold": 12.0}, {"search": 3.2}, findings=(log,)
+        ),
+    )
+
+
+class Page(HTMLParser):
+    """Tags, attributes, ids and visible text of a page."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str]] = []
+        self.texts: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += [(name, value or "") for name, value in attrs]
+
+    def handle_data(self, data: str) -> None:
+        if self.tags[-1:] != ["style"]:
+            self.texts.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.texts).split())
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_every_verdict_is_a_readable_page(verdict: str) -> None:
+    diagnosis = example(verdict)
+    page = Page(render(diagnosis))
+    assert MEANING[verdict] in page.text
+    assert " ".join(diagnosis.sentence.split()) in page.text
+    for heading in ("The gap", "What the logs show", "Ledger", "What stays unexplained", "The next experiment"):
+        assert heading in page.text
+    assert ("The cause" in page.text) == bool(diagnosis.effects)
+    assert "None" not in page.text
+    assert not re.search(r"\bnan\b", page.text)
+
+
+def test_the_page_fetches_nothing() -> None:
+    text = render(example("named", joints=2))
+    page = Page(text)
+    assert "http" not in text
+    assert not {"script", "link", "img", "iframe", "object"} & set(page.tags)
+    for name, value in page.attributes:
+        if name.endswith(("href", "src")):
+            assert value.startswith("#")
+    assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", text))
+
+
+def test_ids_are_unique_and_targets_exist() -> None:
+    page = Page(render(example("ambiguous", joints=3)))
+    ids = [value for name, value in page.attributes if name == "id"]
+    targets = {value[1:] for name, value in page.attributes if name.endswith("href")}
+    assert len(ids) == len(set(ids))
+    assert targets <= set(ids)
+    assert {"joint-1", "joint-2", "joint-3"} <= set(ids)
+
+
+def test_numbers_of_the_sentence_are_those_of_the_json() -> None:
+    diagnosis = example("named")
+    data = json.loads(to_json(diagnosis))
+    found = re.search(
+        r"Coulomb friction of ([\d.]+) ± ([\d.]+) N m is missing; adding it cuts the held-out error "
+        r"from ([\d.]+) to ([\d.]+) mrad, noise floor ([\d.]+) mrad",
+        Page(render(diagnosis)).text,
+    )
+    assert found is not None
+    torque = data["effects"][0]["parameters"]["torque"]
+    for shown, value in zip(
+        found.groups(),
+        (torque["value"], torque["std"], *(1e3 * data["gap"][key] for key in ("before", "after", "noise_floor"))),
+        strict=True,
+    ):
+        decimals = len(shown.partition(".")[2])
+        assert float(shown) == pytest.approx(value, abs=0.51 * 10.0**-decimals)
+    assert data["sentence"] == diagnosis.sentence
+
+
+def test_hostile_names_are_text() -> None:
+    diagnosis = example("named", log=HOSTILE)
+    page = Page(render(diagnosis))
+    assert "script" not in page.tags
+    assert not [name for name, _ in page.attributes if name.startswith("on")]
+    assert " ".join(HOSTILE.split()) in page.text
+
+
+def test_a_diagnosis_without_pictures_or_gain_is_a_page_too() -> None:
+    full = example("none")
+    joint = replace(full.joints[0], series=(), spectrum=None, partial_residuals=())
+    bare = replace(joint, isolability=(), nominal=(), remainder=())
+    row = replace(full.ledger[0], window_error=None, whole_error=None, inverse_error=None, interval=None, closed=None)
+    unmeasured = replace(full.gaps[0], closed=None, interval=None)
+    for gaps in ((), (unmeasured,)):
+        text = render(replace(full, joints=(bare,), gaps=gaps, ledger=(row,), next_experiment=None))
+        assert "None" not in Page(text).text
+
+
+def test_a_page_is_small() -> None:
+    assert len(render(example("named")).encode()) < 1_000_000
+
+
+@pytest.mark.parametrize("effect", built_in(), ids=lambda effect: effect.name)
+def test_every_law_is_typeset(effect) -> None:
+    with report_style():
+        text = equation(effect.equation, "law")
+    assert text.startswith("<svg")
+    assert text.count("<use") > 3
+
+
+def test_laws_that_share_a_symbol_are_numbered() -> None:
+    joint = joint_result(1, "named", "log")
+    drag = next(e for e in built_in() if e.name == "quadratic_drag")
+    both = replace(joint, effects=(*joint.effects, replace(joint.effects[0], name=drag.name, equation=drag.equation)))
+    lines = [formula.tex for formula in model_equations(both)]
+    assert any(r"\tau_{f1} + \tau_{f2}" in line for line in lines)
+    assert lines[-2].startswith(r"\tau_{f1} =")
+    assert lines[-1].startswith(r"\tau_{f2} =")
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "unit", "text"),
+    [
+        (6.912, 0.118, "N m", "6.91 ± 0.12 N m"),
+        (6.912, 0.36, "N m", "6.9 ± 0.4 N m"),
+        (0.0967448, 1.9e-6, "V", "96.7448 ± 0.0019 mV"),
+        (0.0080404, 4.3e-6, "s", "8.040 ± 0.004 ms"),
+        (1234567.0, 2345.0, "N m/rad", "(1.2346 ± 0.0023) × 10⁶ N m/rad"),
+        (35.9976, 0.0281, "1/rev", "35.998 ± 0.028 1/rev"),
+        (-0.5, 0.02, "1", "−0.500 ± 0.020"),
+        (1.0, 1e9, "rad/s", "1.00 rad/s (not determined)"),
+        (2.5, 0.0, "N m", "2.500 N m"),
+    ],
+)
+def test_a_number_is_rounded_by_its_deviation(value: float, std: float, unit: str, text: str) -> None:
+    assert measured(value, std, unit).replace("\u00a0", " ") == text
+
+
+def test_numbers_for_people() -> None:
+    assert quantity(0.0412, "rad") == "41.2\u00a0mrad"
+    assert quantity(0.0412, "V s^2/rad") == "0.0412\u00a0V\u00a0s²/rad"
+    assert number(999.9) == "1000"
+    assert number(1.5e-7, 2) == "1.5 × 10⁻⁷"
+    assert number(None) == number(float("nan")) == "–"
+    assert percent(0.99999) == "> 99.9\u00a0%"
+    assert percent(1.0) == "100\u00a0%"
+    assert unbroken("from 41 to 3 mrad") == "from 41 to 3\u00a0mrad"
+    assert unbroken("6.9 ± 0.1 N m is") == "6.9\u00a0±\u00a00.1\u00a0N\u00a0m is"

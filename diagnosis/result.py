@@ -226,7 +226,7 @@ class Isolability:
 
 @dataclass(frozen=True)
 class Confusable:
-    """Two effects that these logs cannot tell apart: angle between them [degrees], and how strong one has to be."""
+    """Two effects that these logs cannot tell apart at a torque of 5 % of the command; angle between them [degrees]."""
 
     first: str
     second: str

@@ -19,7 +19,9 @@ from scipy.signal import welch
 from diagnosis.engine import Accepted, Finding, Settings, Verdict, find
 from diagnosis.estimation import Point
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
+from diagnosis.isolability import isolability
 from diagnosis.ledger import WINDOW, Step, floor_of, gap, given_point, rows, steps
+from diagnosis.next_experiment import Range, next_experiment
 from diagnosis.nominal import JointStructure
 from diagnosis.output import to_json
 from diagnosis.parameters import JointUnits, covariance, effect_parameters, joint_units, nominal_parameters
@@ -42,6 +44,7 @@ from diagnosis.result import (
     JointResult,
     LedgerRow,
     NamedEffect,
+    NextExperiment,
     Provenance,
     Series,
     SignalDependence,
@@ -134,16 +137,18 @@ def diagnose(
     findings = list(read.findings)
     joints = moving_joints(read.fitted, joint, findings)
     rng = np.random.default_rng(0)
-    results, gaps, ledger, extensions = [], [], [], []
+    results, gaps, ledger, extensions, proposals = [], [], [], [], []
     for group in ((number,) for number in joints):
         solved = solve(read, group, known, settings, tell, seconds)
         started = clock.perf_counter()
         tell(f"joint {', '.join(map(str, group))}: measuring the gain")
         for j in range(len(group)):
-            result, own_gap, own_rows = joint_result(solved, j, read.on, rng)
+            result, own_gap, own_rows = joint_result(solved, j, known, settings, read.on, rng)
             results.append(result)
             gaps.append(own_gap)
             ledger += own_rows
+            proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
+            proposals += [] if proposal is None else [proposal]
         inputs = tuple(structure_.input for structure_ in solved.structures)
         extensions.append(Extension(group, inputs, solved.units, solved.held_out, solved.last.point))
         seconds["results"] = seconds.get("results", 0.0) + clock.perf_counter() - started
@@ -161,12 +166,27 @@ def diagnose(
         joints=tuple(results),
         gaps=tuple(gaps),
         ledger=tuple(ledger),
-        next_experiment=None,
+        next_experiment=first_choice(proposals, results),
         provenance=provenance(read, settings, seconds, findings),
         missing_in_mujoco=twin.left_out,
         mujoco_difference=twin.difference,
     )
     return diagnosis, model, twin
+
+
+def first_choice(proposals: Sequence[NextExperiment], results: Sequence[JointResult]) -> NextExperiment | None:
+    """One proposal for all joints: of an ambiguous joint if there is one, else the one with the largest benefit."""
+    ambiguous = {result.joint for result in results if result.verdict == "ambiguous"}
+    return max(proposals, key=lambda proposal: (proposal.joint in ambiguous, proposal.factor), default=None)
+
+
+def allowed(read: Recordings, number: int) -> Range | None:
+    """Range of a joint and its command by the robot's description, where both ends are stated."""
+    if read.robot is None:
+        return None
+    item = read.robot.joint(number)
+    ends = (item.lower.value, item.upper.value)
+    return Range(*ends, item.drive.command_limit.value) if np.all(np.isfinite(ends)) else None
 
 
 def joint_name(read: Recordings, number: int) -> str:
@@ -210,7 +230,7 @@ def solve(
 
 
 def joint_result(
-    solved: Solved, j: int, on: str, rng: np.random.Generator
+    solved: Solved, j: int, effects: Sequence[Effect], settings: Settings, on: str, rng: np.random.Generator
 ) -> tuple[JointResult, Gap, list[LedgerRow]]:
     """Everything about joint index j of a solved problem."""
     finding, joint, units = solved.finding, solved.joints[j], solved.units[j]
@@ -221,10 +241,11 @@ def joint_result(
     given = next((step.point for step in solved.ledger if step.role == "as given"), None)
     numbers = {} if given is None else dict(zip(NOMINAL[:7], given.parameters[0, j, :7].tolist(), strict=True))
     numbers["damping"] = numbers.get("viscous", 0.0) + numbers.get("back_emf", 0.0)
-    effects = tuple(
+    named = tuple(
         named_effect(solved, item, spread, joint, units) for item in finding.accepted if item.joint == j
     )
     left = finding.remainders[j]
+    visible, confusable = isolability(solved.problem, finding, j, joint, effects, settings)
     result = JointResult(
         joint=joint,
         input=solved.structures[j].input,
@@ -232,8 +253,8 @@ def joint_result(
         position_unit=units.position,
         torque_unit=units.torque,
         input_equivalent=units.per_torque,
-        verdict=finding.verdict if len(solved.joints) == 1 or finding.verdict == "unknown" or effects else "none",
-        effects=effects,
+        verdict=finding.verdict if len(solved.joints) == 1 or finding.verdict == "unknown" or named else "none",
+        effects=named,
         nominal=nominal_parameters(
             finding.nominal, finding.final, (covariance(finding.nominal), spread), j, units, numbers if given else {}
         ),
@@ -241,6 +262,8 @@ def joint_result(
         remainder_excess=float(left.excess),
         series=tuple(all_series(solved, j)),
         spectrum=spectrum(solved, j),
+        isolability=visible,
+        confusable=confusable,
         partial_residuals=partial_residuals(solved.problem, finding, j, units),
     )
     return result, own_gap, ledger

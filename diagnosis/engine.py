@@ -10,7 +10,7 @@ import numpy as np
 
 from diagnosis.estimation import Fitted, errors, fit
 from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.problem import Problem
+from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
 from diagnosis.search import Scored, hypotheses_of, try_all
 from methods.effects.base import Effect
@@ -56,7 +56,10 @@ class Accepted:
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """Outcome for one problem: the nominal fit, the accepted effects in order, the final fit, what is left."""
+    """Outcome for one problem: the nominal fit, the accepted effects in order, the final fit, what is left.
+
+    band: upper frequency [Hz] of the comparison that chose the effects; None: the whole band.
+    """
 
     verdict: Verdict
     nominal: Fitted
@@ -64,6 +67,7 @@ class Finding:
     final: Fitted
     remainders: tuple[Remainder, ...]
     steps: tuple[Fitted, ...]
+    band: float | None = None
 
 
 def materiality(problem: Problem, fitted: Fitted, name: str, joint: int) -> float:
@@ -88,8 +92,32 @@ def find(
     settings: Settings | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Finding:
-    """Name what the nominal model misses."""
+    """Name what the nominal model misses.
+
+    The whole band of the encoder decides first: there an exact model leaves nothing but noise. Where something is left
+    (`unknown`), the effects are sought again in the band in which the joint moved, and those that shape the motion there
+    are reported; the verdict stays.
+    """
     settings = settings or Settings()
+    whole = select(problem, structures, effects, settings, tell)
+    if whole.verdict != "unknown":
+        return whole
+    narrow = in_band(problem)
+    if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
+        return whole
+    tell("again in the band of the motion")
+    banded = select(narrow, structures, effects, settings, tell)
+    return replace(banded, verdict="unknown", remainders=whole.remainders, band=0.4 / (narrow.decimation * problem.sample_time))
+
+
+def select(
+    problem: Problem,
+    structures: tuple[JointStructure, ...],
+    effects: Sequence[Effect],
+    settings: Settings,
+    tell: Callable[[str], None],
+) -> Finding:
+    """Forward selection, swaps and pruning in the problem's band."""
     nominal = fit_nominal(problem, structures)
     base, accepted, steps = nominal, [], [nominal]
     present: set[tuple[str, int]] = set()

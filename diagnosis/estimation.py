@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.signal import firwin
 
 from diagnosis.problem import Free, Problem
 from envs.log import Array
-from methods.filters import prediction_filter
+from methods.filters import filter_at, prediction_filter
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,37 +80,60 @@ class Whitener:
     coefficients: Array
     mask: np.ndarray
 
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """Indices of the usable samples."""
+        return np.flatnonzero(self.mask)
+
     def __call__(self, error: Array) -> Array:
         """Innovations of errors (..., T, n), stacked over joints: (..., N n)."""
         parts = []
         for j, filter_ in enumerate(self.coefficients):
             flat = np.ascontiguousarray(error[..., j]).reshape(-1, error.shape[-2])
-            y = prediction_filter(flat, filter_).reshape(*error.shape[:-2], -1)
-            parts.append(y[..., self.mask])
+            if 4 * len(self.rows) < flat.shape[1]:
+                y = filter_at(flat, filter_, self.rows)
+            else:
+                y = prediction_filter(flat, filter_)[:, self.mask]
+            parts.append(y.reshape(*error.shape[:-2], -1))
         return np.concatenate(parts, axis=-1)
 
 
 def whitener(problem: Problem, error: Array, order: int | None = None) -> Whitener:
-    """Autoregressive filter per joint by least squares (covariance method) on the errors (T, n) after the burn-in."""
+    """Autoregressive filter per joint by least squares (covariance method) on the errors (T, n) after the burn-in.
+
+    With a decimation the errors are band-limited by a symmetric window filter, every so many samples are kept, and the
+    autoregression runs over the kept ones; both filters are merged into one.
+    """
+    every = problem.decimation
     order = order or autoregressive_order(problem)
+    band = np.ones(1) if every == 1 else firwin(6 * every + 1, 0.8 / every)
+    memory = order * every + len(band) - 1
     mask = problem.used.copy()
     for start, stop in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
         first = start + int(np.argmax(problem.used[start:stop]))
-        mask[first : first + order] = False
+        mask[first : first + memory] = False
+        kept = np.zeros(stop - start, dtype=bool)
+        kept[::every] = True
+        mask[start:stop] &= kept
+    limited = error if every == 1 else prediction_filter(np.ascontiguousarray(error.T), band).T
     rows = np.flatnonzero(mask)
     rows = rows[:: len(rows) // 40_000 + 1]
-    filters = np.zeros((problem.joints, order + 1))
+    filters = np.zeros((problem.joints, memory + 1))
     for j in range(problem.joints):
-        lagged = np.stack([error[rows - i, j] for i in range(order + 1)])
+        lagged = np.stack([limited[rows - i * every, j] for i in range(order + 1)])
         gram = lagged @ lagged.T
         ridge = 1e-12 * np.trace(gram[1:, 1:]) / order + 1e-300
         solution = np.linalg.solve(gram[1:, 1:] + ridge * np.eye(order), gram[1:, 0])
-        filters[j] = np.concatenate([[1.0], -solution])
+        sparse = np.zeros(order * every + 1)
+        sparse[::every] = np.concatenate([[1.0], -solution])
+        filters[j] = np.convolve(sparse, band)
     return Whitener(filters, mask)
 
 
 def autoregressive_order(problem: Problem) -> int:
-    """Lags that cover 40 ms, at least 12 and at most 48."""
+    """Lags that cover 40 ms, at least 12 and at most 48; 4 where errors are compared in a narrow band."""
+    if problem.decimation > 1:
+        return 4
     return int(np.clip(round(0.04 / problem.sample_time), 12, 48))
 
 

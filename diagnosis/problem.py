@@ -7,7 +7,7 @@ evenly spaced segments: what a diagnosis needs to know saturates long before ten
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,7 +44,8 @@ class Problem:
     """Stacked logs. Shapes: time (T,), command and reading (T, n), neighbour (T, n, 3) or (0, n, 3), bounds (L + 1,).
 
     leak [rad/s] pulls the predicted angle towards the measured one, rate_leak [1/s^2] the velocity; burn_in [s] is what
-    is discarded at the beginning of every log while initial errors of the angle decay.
+    is discarded at the beginning of every log while initial errors of the angle decay. decimation: the errors are
+    compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band).
     """
 
     kernel: Kernel
@@ -62,6 +63,7 @@ class Problem:
     encoder_step: float
     revolute: bool
     names: tuple[str, ...] = ()
+    decimation: int = 1
     starts: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     @property
@@ -128,6 +130,29 @@ class Problem:
             out,
         )
         return out
+
+
+def excitation_band(problem: Problem) -> float:
+    """Frequency [Hz] below which 95 % of the power of the measured velocities lies, the largest over joints."""
+    found = 0.0
+    for j in range(problem.joints):
+        a, b = problem.bounds[0], problem.bounds[1]
+        velocity = smooth_derivatives(problem.time[a:b], problem.reading[a:b, j : j + 1], 0.03)[1][:, 0]
+        power = np.cumsum(np.abs(np.fft.rfft(velocity - velocity.mean())) ** 2)
+        index = int(np.searchsorted(power, 0.95 * power[-1]))
+        found = max(found, index / (problem.time[b - 1] - problem.time[a]))
+    return found
+
+
+def in_band(problem: Problem) -> Problem:
+    """The same logs, compared only up to five times the band in which the joint moved.
+
+    Far above that band a real machine's errors are those of its structure and electronics; a likelihood over the whole
+    band would weigh them above everything that matters for its motion.
+    """
+    nyquist = 0.5 / problem.sample_time
+    wanted = max(5.0 * excitation_band(problem), 2.0)
+    return replace(problem, decimation=max(1, int(0.8 * nyquist / wanted)))
 
 
 def smooth_derivatives(time: Array, reading: Array, seconds: float) -> tuple[Array, Array, Array]:

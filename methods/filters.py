@@ -1,9 +1,10 @@
-"""Compiled finite-impulse-response filter for many signals at once."""
+"""Compiled finite-impulse-response filters for many signals at once."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
+from numpy.typing import NDArray
 
 from envs.log import Array
 
@@ -21,6 +22,23 @@ def prediction_filter(signals: Array, coefficients: Array) -> Array:
         last = min(first + block, length)
         for i in range(order):
             a = coefficients[i]
+            if a == 0.0:
+                continue
             for k in range(max(first, i), last):
                 result[c, k] += a * signals[c, k - i]
+    return result
+
+
+@njit(cache=True, parallel=True, fastmath=True)
+def filter_at(signals: Array, coefficients: Array, rows: NDArray[np.int64]) -> Array:
+    """The same filter evaluated at chosen rows only; result (C, len(rows))."""
+    count = signals.shape[0]
+    result = np.zeros((count, len(rows)))
+    for task in prange(count * len(rows)):
+        c, r = task // len(rows), task % len(rows)
+        k = rows[r]
+        total = 0.0
+        for i in range(min(len(coefficients), k + 1)):
+            total += coefficients[i] * signals[c, k - i]
+        result[c, r] = total
     return result

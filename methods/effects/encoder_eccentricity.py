@@ -18,8 +18,8 @@ EFFECT = Effect(
     stage="sensor",
     slot="sensor",
     parameters=(
-        EffectParameter("sine", "position", "sine part of the error"),
-        EffectParameter("cosine", "position", "cosine part of the error"),
+        EffectParameter("sine", "position", "sine part of the error", lower=-0.1, upper=0.1),
+        EffectParameter("cosine", "position", "cosine part of the error", lower=-0.1, upper=0.1),
     ),
     equation=r"y = q + A\,\sin(q + \varphi)",
     variable="position",

@@ -12,7 +12,7 @@ from diagnosis.estimation import Fitted, errors, fit
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
-from diagnosis.search import Scored, hypotheses_of, try_all
+from diagnosis.search import Ranked, Scored, hypotheses_of, ranking, try_all
 from methods.effects.base import Effect
 
 Verdict = Literal["none", "named", "ambiguous", "unknown"]
@@ -44,6 +44,7 @@ class Accepted:
     scored: Scored
     material: float
     rivals: tuple[Scored, ...]
+    considered: tuple[Ranked, ...] = ()
 
     @property
     def name(self) -> str:
@@ -59,6 +60,7 @@ class Finding:
     """Outcome for one problem: the nominal fit, the accepted effects in order, the final fit, what is left.
 
     band: upper frequency [Hz] of the comparison that chose the effects; None: the whole band.
+    refused: what was tried last and not accepted, best first.
     """
 
     verdict: Verdict
@@ -68,6 +70,7 @@ class Finding:
     remainders: tuple[Remainder, ...]
     steps: tuple[Fitted, ...]
     band: float | None = None
+    refused: tuple[Ranked, ...] = ()
 
 
 def materiality(problem: Problem, fitted: Fitted, name: str, joint: int) -> float:
@@ -120,6 +123,7 @@ def select(
     """Forward selection, swaps and pruning in the problem's band."""
     nominal = fit_nominal(problem, structures)
     base, accepted, steps = nominal, [], [nominal]
+    refused: tuple[Ranked, ...] = ()
     present: set[tuple[str, int]] = set()
     while len(accepted) < settings.limit * problem.joints:
         tell(f"looking for effect {len(accepted) + 1}")
@@ -131,6 +135,7 @@ def select(
         ranked = try_all(problem, base, hypotheses_of(effects, problem.joints, present), needed=needed)
         chosen = choose(problem, ranked, settings, explained)
         if chosen is None:
+            refused = ranking(ranked)
             break
         accepted.append(chosen)
         present.add((chosen.name, chosen.joint))
@@ -147,7 +152,8 @@ def select(
             accepted, base = swapped
             left = tuple(remainder(problem, base, j) for j in range(problem.joints))
     accepted, base, left = trim(problem, nominal, accepted, base, left, settings)
-    return Finding(verdict(nominal, base, accepted, left, settings), nominal, tuple(accepted), base, left, tuple(steps))
+    said = verdict(nominal, base, accepted, left, settings)
+    return Finding(said, nominal, tuple(accepted), base, left, tuple(steps), refused=refused)
 
 
 def choose(problem: Problem, ranked: list[Scored], settings: Settings, explained: float) -> Accepted | None:
@@ -170,7 +176,7 @@ def choose(problem: Problem, ranked: list[Scored], settings: Settings, explained
                 and s.evidence > scored.evidence - settings.rival
                 and scored.name not in s.start.hypothesis.effect.includes
             )
-            return Accepted(scored, share, rivals)
+            return Accepted(scored, share, rivals, ranking(ranked))
     return None
 
 

@@ -33,6 +33,21 @@ class Scored:
         return self.decrease - self.price
 
 
+@dataclass(frozen=True)
+class Ranked:
+    """The score of a hypothesis without its fit; joint is the index into the problem."""
+
+    name: str
+    joint: int
+    decrease: float
+    price: float
+
+
+def ranking(scored: Sequence[Scored]) -> tuple[Ranked, ...]:
+    """Scores in the same order."""
+    return tuple(Ranked(s.name, s.start.hypothesis.joint, s.decrease, s.price) for s in scored)
+
+
 def price(problem: Problem, start: Start, samples: int) -> float:
     """What an effect is charged: ln N per parameter and 2 ln(number of shapes searched)."""
     effect = start.hypothesis.effect

@@ -6,7 +6,6 @@ No outcome stands in the template or here: sentences with numbers are built from
 from __future__ import annotations
 
 import base64
-
 from dataclasses import dataclass
 from pathlib import Path
 

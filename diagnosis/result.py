@@ -65,7 +65,11 @@ class Alternative:
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """One named effect. `only_in`: the log it occurs in, for an event that happens in one recording only."""
+    """One named effect.
+
+    alternatives: what explains the logs as well. considered: all hypotheses that were fitted when it was accepted,
+    itself among them, best first. only_in: the log it occurs in, for an event that happens in one recording only.
+    """
 
     name: str
     joint: int
@@ -76,6 +80,7 @@ class NamedEffect:
     evidence: Evidence
     alternatives: tuple[Alternative, ...]
     only_in: str | None = None
+    considered: tuple[Alternative, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -247,7 +252,7 @@ class NextExperiment:
 
 @dataclass(frozen=True, eq=False)
 class JointResult:
-    """Everything about one joint."""
+    """Everything about one joint. refused: the hypotheses that were tried last and not accepted, best first."""
 
     joint: int
     input: InputKind
@@ -265,6 +270,7 @@ class JointResult:
     isolability: tuple[Isolability, ...] = ()
     confusable: tuple[Confusable, ...] = ()
     partial_residuals: tuple[PartialResidual, ...] = ()
+    refused: tuple[Alternative, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ from diagnosis.result import (
     SignalDependence,
     Spectrum,
 )
-from diagnosis.search import Scored
+from diagnosis.search import Ranked, Scored
 from diagnosis.text import joint_sentence, table
 from envs.log import Array, Log
 from envs.log_files import write_atomically
@@ -265,6 +265,7 @@ def joint_result(
         isolability=visible,
         confusable=confusable,
         partial_residuals=partial_residuals(solved.problem, finding, j, units),
+        refused=alternatives(solved, finding.refused),
     )
     return result, own_gap, ledger
 
@@ -286,6 +287,14 @@ def named_effect(solved: Solved, item: Accepted, spread: Array, joint: int, unit
             for other in item.rivals
         ),
         only_in=solved.problem.names[hypothesis.log] if hypothesis.log >= 0 and solved.problem.logs > 1 else None,
+        considered=alternatives(solved, item.considered),
+    )
+
+
+def alternatives(solved: Solved, ranked: Sequence[Ranked]) -> tuple[Alternative, ...]:
+    """Scores of the search with joint numbers."""
+    return tuple(
+        Alternative(r.name, solved.joints[r.joint], Evidence(float(r.decrease), float(r.price))) for r in ranked
     )
 
 

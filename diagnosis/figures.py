@@ -24,7 +24,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.mathtext import MathTextParser
 
 from diagnosis.quantities import number, pretty_unit, scale_for, sentence_case, title
-from diagnosis.result import Gap, LedgerRow, NamedEffect, PartialResidual, Series, Spectrum
+from diagnosis.result import Alternative, Gap, LedgerRow, PartialResidual, Series, Spectrum
 from envs.log import Array
 
 STYLE = Path(__file__).parent / "templates" / "report.mplstyle"
@@ -34,6 +34,8 @@ LOGS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
 NARROW, WIDE = 3.5, 7.2  # in
 LEFT, BOTTOM = 0.62, 0.4  # margins that hold labels [in]
 LEGEND = 0.19  # height of one line of a legend [in]
+RANKED = 9
+"""Hypotheses shown in a ranking."""
 DECADES = 15.0
 """Ratio of errors from which an axis is logarithmic."""
 QUANTITY = {
@@ -223,12 +225,19 @@ def waterfall(rows: Sequence[LedgerRow], gap: Gap, name: str) -> str:
     return svg(figure, name, "Waterfall of the error from the nominal model down to the noise floor")
 
 
+def models(before: Array, after: Array) -> list[tuple[Array, str, str, float]]:
+    """What to draw of two models as (values, colour, label, line width); once where they are the same model."""
+    if np.array_equal(before, after, equal_nan=True):
+        return [(after, AFTER, "refitted nominal model", 1.0)]
+    return [(before, BEFORE, "nominal", 1.5), (after, AFTER, "extended", 0.9)]
+
+
 def residual_over_time(series: Series, unit: str, name: str) -> str:
     """Residual of nominal and extended model over time, in the command's unit."""
     figure, axes = panel(WIDE, 1.9, top=LEGEND)
     factor, scaled = scale_for(limits(series.before, series.after), unit)
-    for values, colour, label in ((series.before, BEFORE, "nominal"), (series.after, AFTER, "extended")):
-        axes.plot(series.time, factor * values, color=colour, lw=0.8, label=label)
+    for values, colour, label, width in models(series.before, series.after):
+        axes.plot(series.time, factor * values, color=colour, lw=0.8 * width, label=label)
     axes.set_ylim(*(factor * v for v in limits(series.before, series.after, share=0.001)))
     axes.set_xlim(series.time[0], series.time[-1])
     axes.set_xlabel("Time (s)")
@@ -241,8 +250,8 @@ def residual_spectrum(spectrum: Spectrum, unit: str, name: str) -> str:
     """Amplitude density of both residuals over frequency."""
     figure, axes = panel(NARROW, 2.4, top=LEGEND)
     factor, scaled = scale_for([float(np.max(spectrum.before, initial=0.0))], unit)
-    for values, colour, label in ((spectrum.before, BEFORE, "nominal"), (spectrum.after, AFTER, "extended")):
-        axes.loglog(*in_bands(spectrum.frequency, factor * values), color=colour, lw=1.0, label=label)
+    for values, colour, label, width in models(spectrum.before, spectrum.after):
+        axes.loglog(*in_bands(spectrum.frequency, factor * values), color=colour, lw=width, label=label)
     axes.set_xlabel("Frequency (Hz)")
     axes.set_ylabel(f"Residual ({pretty_unit(scaled)}/√Hz)")
     legend(axes)
@@ -267,7 +276,7 @@ def residual_against(series: Sequence[Series], signal: str, signal_unit: str, un
     step = max(1, len(x) // 900)
     before, after = (np.concatenate([getattr(s, which) for s in series]) for which in ("before", "after"))
     factor, scaled = scale_for(limits(before, after), unit)
-    for values, colour, label in ((before, BEFORE, "nominal"), (after, AFTER, "extended")):
+    for values, colour, label, _ in models(before, after):
         dots(axes, x[::step], factor * values[::step], colour, label)
     axes.set_ylim(*(factor * v for v in limits(before, after)))
     axes.set_xlabel(axis_label(QUANTITY.get(signal, signal), signal_unit))
@@ -323,28 +332,32 @@ def partial_residual(data: PartialResidual, name: str, per_torque: float | None 
     return svg(figure, name, f"{sentence_case(title(data.effect or 'remainder'))} against {data.signal}")
 
 
-def evidence(effect: NamedEffect, threshold: float, name: str) -> str:
-    """Evidence of an effect and of the alternatives at the moment of its acceptance."""
-    ranked = [(effect.name, effect.joint, effect.evidence.net, True)]
-    ranked += [(a.name, a.joint, a.evidence.net, False) for a in effect.alternatives[:9]]
-    figure, axes = panel(NARROW, 0.55 + 0.22 * len(ranked), left=1.42)
-    best = max(net for _, _, net, _ in ranked)
+def ranking(
+    considered: Sequence[Alternative], accepted: str | None, rivals: Sequence[str], threshold: float, name: str
+) -> str:
+    """Evidence of hypotheses, best first: the accepted one blue, what explains as much in rose, the others grey."""
+    shown = sorted(considered, key=lambda a: -a.evidence.net)[:RANKED]
+    figure, axes = panel(NARROW, 0.55 + 0.21 * len(shown), left=1.52)
     left = max(1.0, 0.3 * threshold)
-    for row, (_, _, net, own) in enumerate(ranked):
-        axes.barh(row, max(net, left) - left, left=left, height=0.62, color=AFTER if own else NOISE, zorder=2)
-        text = number(net) if net > 0 else f"{number(net)}: no gain"
-        axes.annotate(text, (max(net, left), row), (3, 0), textcoords="offset points", va="center", fontsize=7)
+    for row, hypothesis in enumerate(shown):
+        net = hypothesis.evidence.net
+        colour = RIVALS[0] if hypothesis.name in rivals else NOISE
+        colour = AFTER if hypothesis.name == accepted else colour
+        axes.barh(row, max(net, left) - left, left=left, height=0.62, color=colour, zorder=2)
+        axes.annotate(
+            number(net), (max(net, left), row), (3, 0), textcoords="offset points", va="center", fontsize=7
+        )
     axes.axvline(threshold, color=BEFORE, lw=0.9, ls="--", zorder=3)
     axes.set_xscale("log")
-    axes.set_xlim(left, max(best, threshold) * 12)
-    axes.set_ylim(len(ranked) - 0.4, -0.6)
-    joints = len({joint for _, joint, _, _ in ranked}) > 1
-    axes.set_yticks(range(len(ranked)), [title(n) + (f" ({j})" if joints else "") for n, j, _, _ in ranked])
+    axes.set_xlim(left, 12 * max([threshold, *(a.evidence.net for a in shown)]))
+    axes.set_ylim(len(shown) - 0.4, -0.6)
+    several = len({a.joint for a in shown}) > 1
+    axes.set_yticks(range(len(shown)), [title(a.name) + (f" ({a.joint})" if several else "") for a in shown])
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)
     axes.spines["left"].set_visible(False)
     axes.set_xlabel("Evidence")
-    return svg(figure, name, f"Evidence of {title(effect.name)} and of its alternatives")
+    return svg(figure, name, "Evidence of the hypotheses that were weighed")
 
 
 # ------------------------------------------------------------------------------------------------------------ the logs
@@ -383,26 +396,22 @@ def command_over_time(series: Sequence[Series], unit: str, name: str) -> str:
 
 def free_run(series: Series, unit: str, window: float, name: str) -> str | None:
     """Free simulation before and after on a stretch of a log, its error below; None where nothing was simulated."""
-    rows = _worst_stretch(series, 5.0 * window)
+    rows = _worst_stretch(series, window)
     if rows is None:
         return None
     figure, (upper, lower) = stack(WIDE, [1.35, 0.95], top=LEGEND)
     time = series.time[rows]
     before, after = series.free_before[rows], series.free_after[rows]
     high_factor, high_unit = scale_for(limits(series.reading[rows]), unit)
-    for values, colour, label, style in (
-        (series.reading[rows], MEASURED, "measured", "-"),
-        (series.reading[rows] - before, BEFORE, "nominal", "-"),
-        (series.reading[rows] - after, AFTER, "extended", "--"),
-    ):
-        width = 1.7 if label == "measured" else 1.0
-        upper.plot(time, high_factor * values, style, color=colour, lw=width, label=label)
+    factor, scaled = scale_for(limits(before, after), unit)
+    upper.plot(time, high_factor * series.reading[rows], color=MEASURED, lw=2.0, label="measured")
+    for error, colour, label, width in models(before, after):
+        style = "--" if colour == AFTER else "-"
+        upper.plot(time, high_factor * (series.reading[rows] - error), style, color=colour, lw=width, label=label)
+        lower.plot(time, factor * error, color=colour, lw=width)
     upper.set_ylim(*(high_factor * v for v in limits(series.reading[rows], share=0.0)))
     upper.set_ylabel(axis_label("position", high_unit))
     legend(upper, 3)
-    factor, scaled = scale_for(limits(before, after), unit)
-    lower.plot(time, factor * before, color=BEFORE, lw=1.0)
-    lower.plot(time, factor * after, color=AFTER, lw=1.0)
     lower.set_ylim(*(factor * v for v in limits(before, after)))
     lower.set_ylabel(axis_label("error", scaled))
     lower.set_xlabel("Time (s)")
@@ -410,13 +419,16 @@ def free_run(series: Series, unit: str, window: float, name: str) -> str | None:
     return svg(figure, name, "Free simulation of both models beside the measurement")
 
 
-def _worst_stretch(series: Series, length: float) -> np.ndarray | None:
-    """Rows of the stretch [s] in which the nominal model errs most; None without finite errors."""
+def _worst_stretch(series: Series, window: float, count: int = 5) -> np.ndarray | None:
+    """Rows of `count` whole windows [s] in which the nominal model errs most; None without finite errors."""
+    simulated = np.flatnonzero(np.isfinite(series.free_before))
     error = np.nan_to_num(series.free_before) ** 2
     if not np.any(error > 0):
         return None
-    dt = float(np.median(np.diff(series.time)))
-    count = min(len(error), max(2, round(length / dt)))
+    first, last = int(simulated[0]), int(simulated[-1]) + 1
+    width = max(2, round(window / float(np.median(np.diff(series.time)))))
+    length = min(count * width, last - first)
     total = np.concatenate([[0.0], np.cumsum(error)])
-    first = int(np.argmax(total[count:] - total[:-count]))
-    return np.arange(first, first + count)
+    begins = np.arange(first, last - length + 1, width)
+    begin = int(begins[np.argmax(total[begins + length] - total[begins])])
+    return np.arange(begin, begin + length)

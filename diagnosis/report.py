@@ -18,6 +18,7 @@ from markupsafe import Markup
 from diagnosis import quantities
 from diagnosis.model_equations import SYMBOLS, Formula, model_equations
 from diagnosis.result import (
+    Alternative,
     Diagnosis,
     Gap,
     JointResult,
@@ -112,7 +113,8 @@ def render(diagnosis: Diagnosis) -> str:
     with report_style():
         joints = tuple(joint_page(diagnosis, joint) for joint in diagnosis.joints)
     template = environment.from_string((files("diagnosis") / "templates" / "report.html.j2").read_text("utf-8"))
-    return template.render(d=diagnosis, joints=joints)
+    units = {joint.joint: joint.position_unit for joint in diagnosis.joints}
+    return template.render(d=diagnosis, joints=joints, units=units)
 
 
 def joint_page(diagnosis: Diagnosis, joint: JointResult) -> JointPage:
@@ -135,13 +137,15 @@ def joint_page(diagnosis: Diagnosis, joint: JointResult) -> JointPage:
         adequacy=tuple(adequacy(joint)),
         equations=tuple((f, Markup(equation(f.tex, f"{slug}q{i}"))) for i, f in enumerate(formulas)),
         symbols={p.name: Markup(equation(SYMBOLS[p.name], f"{slug}s{i}")) for i, p in enumerate(joint.nominal)},
-        figures=joint_figures(joint, gap, ledger, slug),
+        figures=joint_figures(joint, gap, ledger, threshold, slug),
         left=tuple(_partial(joint, part, f"{slug}r{i}") for i, part in enumerate(remainder)),
         dependences=tuple(d for d in joint.remainder if d.p_value < SIGNIFICANT),
     )
 
 
-def joint_figures(joint: JointResult, gap: Gap | None, ledger: Sequence[LedgerRow], slug: str) -> dict[str, Markup]:
+def joint_figures(
+    joint: JointResult, gap: Gap | None, ledger: Sequence[LedgerRow], threshold: float, slug: str
+) -> dict[str, Markup]:
     """The figures of one joint by name; those without data are left out."""
     from diagnosis import figures as draw
 
@@ -163,6 +167,8 @@ def joint_figures(joint: JointResult, gap: Gap | None, ledger: Sequence[LedgerRo
         window = gap.window if gap is not None else 1.0
         runs = [draw.free_run(series, joint.position_unit, window, f"{slug}free") for series in held_out]
         found["free_run"] = next((run for run in runs if run is not None), None)
+    if joint.refused:
+        found["refused"] = draw.ranking(joint.refused, None, (), threshold, f"{slug}refused")
     if joint.spectrum is not None:
         found["spectrum"] = draw.residual_spectrum(joint.spectrum, joint.command_unit, f"{slug}spectrum")
     return {name: Markup(text) for name, text in found.items() if text is not None}
@@ -170,14 +176,17 @@ def joint_figures(joint: JointResult, gap: Gap | None, ledger: Sequence[LedgerRo
 
 def effect_page(joint: JointResult, effect: NamedEffect, threshold: float, slug: str) -> EffectPage:
     """An effect with the partial residual that belongs to it."""
-    from diagnosis.figures import equation, evidence
+    from diagnosis.figures import equation, ranking
 
+    itself = Alternative(effect.name, effect.joint, effect.evidence)
+    considered = effect.considered or (itself, *effect.alternatives)
+    rivals = [other.name for other in effect.alternatives]
     part = next((part for part in joint.partial_residuals if part.effect == effect.name), None)
     return EffectPage(
         effect=effect,
         law=None if part is None else _partial(joint, part, f"{slug}law"),
         wide=part is not None and part.continuous,
-        evidence=Markup(evidence(effect, threshold, f"{slug}evidence")),
+        evidence=Markup(ranking(considered, effect.name, rivals, threshold, f"{slug}evidence")),
         formula=Markup(equation(effect.equation, f"{slug}formula")),
     )
 

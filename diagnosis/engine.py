@@ -74,7 +74,8 @@ class Finding:
 
 
 def materiality(problem: Problem, fitted: Fitted, name: str, joint: int) -> float:
-    """Torque of an effect as a share of the command's rms: its influence on the prediction beside that of 1 % of the command."""
+    """Torque of an effect as a share of the command's rms: its influence on the prediction beside that of 1 % of the
+    command."""
     off = fitted.point.switches.copy()
     off[joint, problem.kernel.switches[name]] = False
     without = replace(fitted.point, switches=off)
@@ -98,7 +99,8 @@ def find(
     """Name what the nominal model misses.
 
     The whole band of the encoder decides first: there an exact model leaves nothing but noise. Where something is left
-    (`unknown`), the effects are sought again in the band in which the joint moved, and those that shape the motion there
+    (`unknown`), the effects are sought again in the band in which the joint moved, and those that shape the motion
+    there
     are reported; the verdict stays.
     """
     settings = settings or Settings()
@@ -110,7 +112,9 @@ def find(
         return whole
     tell("again in the band of the motion")
     banded = select(narrow, structures, effects, settings, tell)
-    return replace(banded, verdict="unknown", remainders=whole.remainders, band=0.4 / (narrow.decimation * problem.sample_time))
+    return replace(
+        banded, verdict="unknown", remainders=whole.remainders, band=0.4 / (narrow.decimation * problem.sample_time)
+    )
 
 
 def select(
@@ -122,7 +126,8 @@ def select(
 ) -> Finding:
     """Forward selection, swaps and pruning in the problem's band."""
     nominal = fit_nominal(problem, structures)
-    base, accepted, steps = nominal, [], [nominal]
+    base, steps = nominal, [nominal]
+    accepted: list[Accepted] = []
     refused: tuple[Ranked, ...] = ()
     present: set[tuple[str, int]] = set()
     while len(accepted) < settings.limit * problem.joints:
@@ -171,7 +176,8 @@ def choose(problem: Problem, ranked: list[Scored], settings: Settings, explained
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
         if share >= settings.material:
             rivals = tuple(
-                s for s in ranked
+                s
+                for s in ranked
                 if s is not scored
                 and s.evidence > scored.evidence - settings.rival
                 and scored.name not in s.start.hypothesis.effect.includes
@@ -227,7 +233,9 @@ def swap(
                 continue
             found = ranked[0]
             cost = smaller.criterion - base.criterion - item.scored.price
-            if found.evidence > cost + max(20.0, 0.05 * cost) and (best is None or found.fitted.criterion < best[1].criterion):
+            if found.evidence > cost + max(20.0, 0.05 * cost) and (
+                best is None or found.fitted.criterion < best[1].criterion
+            ):
                 share = materiality(problem, found.fitted, found.name, found.start.hypothesis.joint)
                 best = ([*others, Accepted(found, share, ())], found.fitted)
         if best is None:
@@ -241,14 +249,22 @@ def wald(base: Fitted, item: Accepted) -> float:
     effect = item.scored.start.hypothesis.effect
     names = [effect.parameters[a].name for a in (effect.amplitudes or range(effect.size))]
     wanted = [
-        i for i, f in enumerate(base.point.free) for name in names if f.name.startswith(f"{item.name}.{name}@{item.joint}")
+        i
+        for i, f in enumerate(base.point.free)
+        for name in names
+        if f.name.startswith(f"{item.name}.{name}@{item.joint}")
     ]
     values = base.point.vector[wanted]
     return float(values @ np.linalg.pinv(base.covariance[np.ix_(wanted, wanted)]) @ values)
 
 
 def trim(
-    problem: Problem, nominal: Fitted, accepted: list[Accepted], base: Fitted, left: tuple[Remainder, ...], settings: Settings
+    problem: Problem,
+    nominal: Fitted,
+    accepted: list[Accepted],
+    base: Fitted,
+    left: tuple[Remainder, ...],
+    settings: Settings,
 ) -> tuple[list[Accepted], Fitted, tuple[Remainder, ...]]:
     """Take back small effects while the model stays incomplete: they may only repair the inexact law of a large one."""
     explained = nominal.criterion - base.criterion
@@ -264,7 +280,11 @@ def trim(
 
 def _weakest(problem: Problem, base: Fitted, accepted: Sequence[Accepted]) -> tuple[Accepted, float, Fitted]:
     """The effect whose removal costs least, that cost, and the model without it."""
-    options = [(item, smaller.criterion - base.criterion, smaller) for item in accepted for smaller in [without(problem, base, item)]]
+    options = [
+        (item, smaller.criterion - base.criterion, smaller)
+        for item in accepted
+        for smaller in [without(problem, base, item)]
+    ]
     return min(options, key=lambda option: option[1])
 
 

@@ -1,7 +1,8 @@
 """Prediction-error estimation: simulate with a weak leak, whiten what remains, minimise it.
 
 With the leak fixed, the prediction error of a linear joint is an invertible filter of the innovations; a long
-autoregressive whitening filter therefore makes the least-squares estimate that of the prediction-error method, efficient
+autoregressive whitening filter therefore makes the least-squares estimate that of the prediction-error method,
+efficient
 and consistent in open and closed loop, whatever the colour of the unlogged noise (L. Ljung, System Identification,
 1999, chapters 7 and 13).
 """
@@ -23,7 +24,8 @@ from methods.filters import filter_at, prediction_filter
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A model: parameters (L, n, columns), switches (n, effects), rigid (2,), initial states (L, n, 3), free parameters."""
+    """A model: parameters (L, n, columns), switches (n, effects), rigid (2,), initial states (L, n, 3), free
+    parameters."""
 
     parameters: Array
     switches: np.ndarray
@@ -61,7 +63,7 @@ class Point:
         return self.vector[[f.name for f in self.free].index(name)]
 
 
-def errors(problem: Problem, points: Sequence[Point], extra: Array | None = None, **options) -> Array:
+def errors(problem: Problem, points: Sequence[Point], extra: Array | None = None, leak: bool = True) -> Array:
     """Prediction errors (C, T, n) of several points with the same switches or not."""
     return problem.errors(
         np.stack([p.parameters for p in points]),
@@ -69,7 +71,7 @@ def errors(problem: Problem, points: Sequence[Point], extra: Array | None = None
         np.stack([p.rigid for p in points]),
         np.stack([p.starts for p in points]),
         extra=extra,
-        **options,
+        leak=leak,
     )
 
 
@@ -236,7 +238,9 @@ def fit(
             trials = []
             for factor in (damping * 0.1, damping * 100.0):
                 matrix = gram + factor * np.diag(diagonal)
-                step = np.linalg.lstsq(matrix / np.sqrt(np.outer(diagonal, diagonal)), -gradient / np.sqrt(diagonal), rcond=1e-13)[0]
+                step = np.linalg.lstsq(
+                    matrix / np.sqrt(np.outer(diagonal, diagonal)), -gradient / np.sqrt(diagonal), rcond=1e-13
+                )[0]
                 vector = np.clip(point.vector + step / np.sqrt(diagonal), lower, upper)
                 trials.append((factor, point.at(vector)))
             outcomes = errors(problem, [trial for _, trial in trials])

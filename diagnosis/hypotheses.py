@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from diagnosis.estimation import Fitted, Point, errors, project, weights
@@ -66,10 +67,13 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
     return replace(point, parameters=parameters, switches=switches, free=tuple(free))
 
 
-def proposals(problem: Problem, base: Fitted, candidates: Iterable[tuple[Effect, int]], sizes: dict[int, Scales]) -> list[Start]:
+def proposals(
+    problem: Problem, base: Fitted, candidates: Iterable[tuple[Effect, int]], sizes: dict[int, Scales]
+) -> list[Start]:
     """Best starting values per hypothesis, by regression of the whitened nominal errors on its sensitivities.
 
-    Sensitivities come from the kernel itself (one simulation per amplitude and shape), so that the filter from an effect
+    Sensitivities come from the kernel itself (one simulation per amplitude and shape), so that the filter from an
+    effect
     to the prediction error is exact, friction and coupling included.
     """
     jobs: list[tuple[Hypothesis, Array, int]] = []
@@ -79,7 +83,9 @@ def proposals(problem: Problem, base: Fitted, candidates: Iterable[tuple[Effect,
             found = scan(problem, base, effect, joint, sizes[joint])
         elif effect.starts is not None:
             every = list(effect.starts(sizes[joint]))
-            found = [(Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), len(every)) for v in every]
+            found = [
+                (Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), len(every)) for v in every
+            ]
         jobs += found
     best: dict[str, Start] = {}
     noise = weights(base.innovation, problem.joints)
@@ -95,7 +101,7 @@ def proposals(problem: Problem, base: Fitted, candidates: Iterable[tuple[Effect,
 def _regress(
     problem: Problem, base: Fitted, residual: Array, noise: Array, hypothesis: Hypothesis, values: Array, searched: int
 ) -> Start:
-    effect, offset = hypothesis.effect, problem.kernel.offsets[hypothesis.effect.name]
+    effect = hypothesis.effect
     total = float(residual @ residual)
     count = residual.size
     gain = lambda decrease: -count * np.log(max(1.0 - decrease / total, 1e-12))  # noqa: E731
@@ -106,13 +112,13 @@ def _regress(
         return Start(hypothesis, values, gain(total - float(whitened @ whitened) + decrease), searched)
     trials, slots = [], []
     for a in effect.amplitudes:
-        logs = range(problem.logs) if a in PER_LOG.get(effect.name, ()) else (hypothesis.log,)
+        logs = list(range(problem.logs)) if a in PER_LOG.get(effect.name, ()) else [hypothesis.log]
         single = values.copy()
         for other in effect.amplitudes:
             if other != a:
                 single[:, other] = 0.0
         trials.append(extend(problem, base.point, hypothesis, single))
-        slots.append((a, list(logs)))
+        slots.append((a, logs))
     difference = errors(problem, trials) - base.error
     columns, owners = [], []
     for d, (a, logs) in zip(difference, slots, strict=True):
@@ -129,11 +135,11 @@ def _regress(
     adjusted = values.copy()
     for (a, log), c in zip(owners, coefficients[len(base.jacobian) :], strict=True):
         rows = slice(None) if log < 0 else log
-        trial = values[rows, a]
+        begin = values[rows, a]
         factor = np.clip(c, -50.0, 50.0)
         if effect.parameters[a].lower == 0.0 and factor <= 0.0:
             factor, decrease = 0.02, 0.3 * decrease
-        adjusted[rows, a] = trial * factor
+        adjusted[rows, a] = begin * factor
     return Start(hypothesis, adjusted, gain(decrease), searched)
 
 
@@ -144,7 +150,8 @@ def _regress(
 class Adjoint:
     """Correlation of the innovations with an input-equivalent torque at every instant, for one joint.
 
-    With h the whitened impulse response from torque to prediction error, ``c = h(-t) * innovation``: the inner product of
+    With h the whitened impulse response from torque to prediction error,
+            ``c = h(-t) * innovation``: the inner product of
     the innovations with the response to any torque d(t) is ``sum c d``, and its squared norm ``sum |h * d|^2``.
     """
 
@@ -158,7 +165,7 @@ class Adjoint:
         n = 1 << int(np.ceil(np.log2(4 * len(self.response))))
         return np.abs(np.fft.rfft(self.response, n)) ** 2
 
-    def power(self, angular: Array, dt: float) -> Array:
+    def power(self, angular: NDArray[np.floating], dt: float) -> Array:
         """|H|^2 of the whitened response at angular frequencies [rad/s]."""
         place = np.abs(angular) * dt / np.pi * (len(self.spectrum) - 1)
         return np.interp(place, np.arange(len(self.spectrum)), self.spectrum)
@@ -187,7 +194,9 @@ def adjoint(problem: Problem, base: Fitted, joint: int) -> Adjoint:
     return Adjoint(correlation, response, float(base.variances[joint]))
 
 
-def scan(problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales) -> list[tuple[Hypothesis, Array, int]]:
+def scan(
+    problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales
+) -> list[tuple[Hypothesis, Array, int]]:
     """Starting values from a scan over frequencies, cycles per revolution or instants, whitened throughout."""
     tool = adjoint(problem, base, joint)
     if effect.scan == "time":
@@ -197,7 +206,9 @@ def scan(problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scale
     return _scan_events(problem, tool, effect, joint, size)
 
 
-def _scan_time(problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales) -> list[tuple[Hypothesis, Array, int]]:
+def _scan_time(
+    problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales
+) -> list[tuple[Hypothesis, Array, int]]:
     """Periodogram of the correlation, summed over logs (the phase is free in each)."""
     longest = int(np.max(np.diff(problem.bounds)))
     n = 1 << int(np.ceil(np.log2(2 * longest)))
@@ -262,7 +273,9 @@ def _scan_position(
     return found
 
 
-def _scan_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales) -> list[tuple[Hypothesis, Array, int]]:
+def _scan_events(
+    problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales
+) -> list[tuple[Hypothesis, Array, int]]:
     """Matched filters: pulses of several lengths (collision) or a step of the inertia (payload)."""
     found = []
     for log, (a, b) in enumerate(zip(problem.bounds[:-1], problem.bounds[1:], strict=True)):
@@ -272,12 +285,12 @@ def _scan_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, si
         searched = int((b - a) / max(1, len(tool.response) // 10))
         if effect.name == "collision":
             for seconds in (0.01, 0.03, 0.1, 0.3):
-                width = max(1, int(round(seconds / problem.sample_time)))
+                width = max(1, round(seconds / problem.sample_time))
                 if width > (b - a) // 8:
                     continue
                 matched = np.convolve(c, np.ones(width), mode="full")[width - 1 :][: b - a]
-                norm = float(np.sum(np.convolve(tool.response, np.ones(width)) ** 2))
-                score = matched**2 / max(norm * tool.variance, 1e-300)
+                power = float(np.sum(np.convolve(tool.response, np.ones(width)) ** 2))
+                score = matched**2 / max(power * tool.variance, 1e-300)
                 index = int(np.argmax(score))
                 values = np.tile([0.05 * size.torque_rms, time[index], seconds], (problem.logs, 1))
                 found.append((score[index], Hypothesis(effect, joint, log), values, 4 * searched))
@@ -290,7 +303,9 @@ def _scan_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, si
                 continue
             share = norm / norm[-1]
             spread = norm * (1 - share) * tool.variance
-            score = np.where((share > 0.02) & (share < 0.98), (part - share * part[-1]) ** 2 / np.maximum(spread, 1e-300), 0.0)
+            score = np.where(
+                (share > 0.02) & (share < 0.98), (part - share * part[-1]) ** 2 / np.maximum(spread, 1e-300), 0.0
+            )
             index = int(np.argmax(score))
             values = np.tile([0.05 * size.inertia, time[index]], (problem.logs, 1))
             found.append((score[index], Hypothesis(effect, joint, log), values, searched))

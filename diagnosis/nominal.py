@@ -40,8 +40,8 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
     parameters[:, :, COLUMN["torque_square_mean"]] = 1.0
     rigid = np.array([0.0, 1.0])
     free: list[Free] = []
-    rows = [[] for _ in range(n)]
-    sides = [[] for _ in range(n)]
+    rows: list[list[Array]] = [[] for _ in range(n)]
+    sides: list[list[Array]] = [[] for _ in range(n)]
     for start, stop in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
         time, u = problem.time[start:stop], problem.command[start:stop]
         held = np.vstack([u[:1], 0.5 * (u[1:] + u[:-1])]) if problem.hold[0] == 0 else u
@@ -124,7 +124,9 @@ def _start_pair(problem: Problem, parameters: Array, rigid: Array, free: list[Fr
     parameters[:, 1, COLUMN["inertia"]] = ratio * p2
     rigid[:] = float(first[5]), ratio
     free[:] = [
-        f if not f.name.startswith("inertia") else Free(f.name, "joint", f.joint, f.column, p1 if f.joint == 0 else ratio * p2, 1e-9)
+        f
+        if not f.name.startswith("inertia")
+        else Free(f.name, "joint", f.joint, f.column, p1 if f.joint == 0 else ratio * p2, 1e-9)
         for f in free
     ]
     free.append(Free("coupling_inertia", "rigid", 0, 0, p1))

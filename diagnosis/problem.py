@@ -158,7 +158,7 @@ def in_band(problem: Problem) -> Problem:
 def smooth_derivatives(time: Array, reading: Array, seconds: float) -> tuple[Array, Array, Array]:
     """Smoothed angle, velocity and acceleration by local cubic fits over a window [s]; reading (T, n)."""
     dt = float(np.median(np.diff(time)))
-    window = max(7, 2 * int(round(0.5 * seconds / dt)) + 1)
+    window = max(7, 2 * round(0.5 * seconds / dt) + 1)
     window = min(window, (len(time) - 1) // 2 * 2 - 1)
     order = 3 if window > 4 else 2
     parts = [savgol_filter(reading, window, order, deriv=d, delta=dt, axis=0) for d in range(3)]
@@ -166,7 +166,8 @@ def smooth_derivatives(time: Array, reading: Array, seconds: float) -> tuple[Arr
 
 
 def estimated_step(reading: Array) -> float:
-    """Resolution of a reading: the smallest non-zero difference between neighbouring distinct values (0 if continuous)."""
+    """Resolution of a reading: the smallest non-zero difference between neighbouring distinct values (0 if
+    continuous)."""
     values = np.unique(reading)
     if len(values) < 3:
         return 0.0
@@ -214,7 +215,7 @@ def stack(
         if neighbours and not pair and len(log.joints) > 1:
             near = np.zeros((len(log), len(joints), 3))
             for i, column in enumerate(columns):
-                other = min(rest, key=lambda c: abs(c - column))  # noqa: B023
+                other = min(rest, key=lambda c: abs(c - column))
                 near[:, i, 0] = smooth[2][:, other]
                 near[:, i, 1] = smooth[1][:, other]
                 near[:, i, 2] = log.command[:, other]
@@ -265,7 +266,14 @@ def scales(problem: Problem, nominal: Array, torque: Array, joint: int) -> Scale
         velocity_peak=max(float(np.max(np.abs(velocity))), 1e-12),
         inertia=float(nominal[NOMINAL.index("inertia")]),
         damping=float(nominal[NOMINAL.index("viscous")] + nominal[NOMINAL.index("back_emf")]),
-        duration=float(np.max([problem.time[b - 1] - problem.time[a] for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True)])),
+        duration=float(
+            np.max(
+                [
+                    problem.time[b - 1] - problem.time[a]
+                    for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True)
+                ]
+            )
+        ),
         sample_time=problem.sample_time,
         encoder_step=problem.encoder_step,
         revolute=problem.revolute,

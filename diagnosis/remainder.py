@@ -28,7 +28,8 @@ class Dependence:
 
 @dataclass(frozen=True)
 class Remainder:
-    """Dependences in order of strength, the decrease that all groups together would bring, and the rms of the torque that
+    """Dependences in order of strength, the decrease that all groups together would bring, and the rms of the torque
+    that
     they stand for as a share of the command's rms."""
 
     dependences: tuple[Dependence, ...]
@@ -48,14 +49,18 @@ class Remainder:
 
 def signals(problem: Problem, fitted: Fitted, joint: int) -> dict[str, list[Array]]:
     """Groups of smooth functions (T,) of the recorded signals, each of unit scale."""
-    groups: dict[str, list[Array]] = {name: [] for name in ("position", "velocity", "direction", "motor torque", "elapsed time")}
+    groups: dict[str, list[Array]] = {
+        name: [] for name in ("position", "velocity", "direction", "motor torque", "elapsed time")
+    }
     pieces: dict[str, list[list[Array]]] = {name: [] for name in groups}
     q_all = problem.reading[:, joint]
     q0, q1 = q_all.min(), np.ptp(q_all) + 1e-300
     nominal = fitted.point.parameters[0, joint]
     for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
         time = problem.time[a:b] - problem.time[a]
-        _, dq, ddq = smooth_derivatives(time, problem.reading[a:b, joint : joint + 1], max(0.02, 5 * problem.sample_time))
+        _, dq, ddq = smooth_derivatives(
+            time, problem.reading[a:b, joint : joint + 1], max(0.02, 5 * problem.sample_time)
+        )
         dq, ddq = dq[:, 0], ddq[:, 0]
         q = (problem.reading[a:b, joint] - q0) / q1
         v = dq / (np.std(dq) + 1e-300)
@@ -64,12 +69,24 @@ def signals(problem: Problem, fitted: Fitted, joint: int) -> dict[str, list[Arra
         s = time / max(time[-1], 1e-9)
         sign = np.tanh(v / 0.03)
         pieces["position"].append([np.cos(np.pi * k * q) for k in range(1, 9)])
-        pieces["velocity"].append([sign, v * np.abs(v), v**3, sign * np.exp(-((v / 0.2) ** 2)), np.abs(v), v**2 * np.exp(-(v**2))])
-        pieces["direction"].append([sign * np.cos(np.pi * k * q) for k in range(1, 5)] + [np.abs(v) * sign * np.cos(np.pi * q)])
-        pieces["motor torque"].append([np.abs(w) * sign, w**3, w * np.abs(w), w * np.cos(np.pi * q), w * np.cos(2 * np.pi * q), np.abs(w)])
+        pieces["velocity"].append(
+            [sign, v * np.abs(v), v**3, sign * np.exp(-((v / 0.2) ** 2)), np.abs(v), v**2 * np.exp(-(v**2))]
+        )
+        pieces["direction"].append(
+            [sign * np.cos(np.pi * k * q) for k in range(1, 5)] + [np.abs(v) * sign * np.cos(np.pi * q)]
+        )
+        pieces["motor torque"].append(
+            [np.abs(w) * sign, w**3, w * np.abs(w), w * np.cos(np.pi * q), w * np.cos(2 * np.pi * q), np.abs(w)]
+        )
         acceleration = ddq / (np.std(ddq) + 1e-300)
-        pieces["motor torque"][-1] += [acceleration * np.cos(np.pi * q), acceleration * np.cos(2 * np.pi * q), acceleration * np.abs(v)]
-        pieces["elapsed time"].append([np.cos(np.pi * k * s) for k in range(1, 5)] + [s * v, s * w, np.ones_like(s), s * s * w])
+        pieces["motor torque"][-1] += [
+            acceleration * np.cos(np.pi * q),
+            acceleration * np.cos(2 * np.pi * q),
+            acceleration * np.abs(v),
+        ]
+        pieces["elapsed time"].append(
+            [np.cos(np.pi * k * s) for k in range(1, 5)] + [s * v, s * w, np.ones_like(s), s * s * w]
+        )
     for name, parts in pieces.items():
         groups[name] = [np.concatenate([part[i] for part in parts]) for i in range(len(parts[0]))]
     if len(problem.neighbour):
@@ -109,7 +126,13 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
 
 
 def _share(
-    problem: Problem, fitted: Fitted, joint: int, groups: dict[str, list[Array]], basis: Array, residual: Array, size: float
+    problem: Problem,
+    fitted: Fitted,
+    joint: int,
+    groups: dict[str, list[Array]],
+    basis: Array,
+    residual: Array,
+    size: float,
 ) -> float:
     """Rms of the torque that explains the innovations best, over the rms of the command."""
     coefficients = project(basis, residual)[0][len(fitted.jacobian) :]

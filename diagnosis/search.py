@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, fit
-from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of
+from diagnosis.hypotheses import Start, extend, proposals, sizes_of
 from diagnosis.problem import Problem
 from envs.log import Array
 from methods.effects.base import Effect
@@ -77,7 +77,7 @@ def try_all(
         fitted = fit(problem, point, base.whitener, rounds=1, iterations=3, tolerance=1e-3)
         rough.append(Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples)))
     rough.sort(key=lambda s: -s.evidence)
-    final = []
+    final: list[Scored] = []
     for scored in rough[:finals]:
         if final and scored.decrease < 0.2 * final[0].decrease:
             break

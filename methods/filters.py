@@ -11,7 +11,8 @@ from envs.log import Array
 
 @njit(cache=True, parallel=True, fastmath=True)
 def prediction_filter(signals: Array, coefficients: Array) -> Array:
-    """y[c, k] = sum_i coefficients[i] signals[c, k - i] with zeros before the beginning; signals (C, T), result (C, T)."""
+    """y[c, k] = sum_i coefficients[i] signals[c, k - i] with zeros before the beginning; signals (C, T), result (C,
+    T)."""
     count, length = signals.shape
     order = len(coefficients)
     result = np.zeros((count, length))

@@ -36,7 +36,17 @@ import numpy as np
 
 from methods.effects.base import Effect
 
-NOMINAL = ("inertia", "viscous", "back_emf", "electrical_time_constant", "gravity_sine", "gravity_cosine", "load", "torque_square_mean", "torque_limit")
+NOMINAL = (
+    "inertia",
+    "viscous",
+    "back_emf",
+    "electrical_time_constant",
+    "gravity_sine",
+    "gravity_cosine",
+    "load",
+    "torque_square_mean",
+    "torque_limit",
+)
 """Nominal parameters of a joint, the first columns of the parameter array."""
 STRUCTURAL = {
     "amplifier_lag": "LAG",
@@ -101,7 +111,8 @@ class Kernel:
         name = f"adeptone_kernel_{key}"
         if name not in sys.modules:
             spec = importlib.util.spec_from_file_location(name, path)
-            assert spec is not None and spec.loader is not None
+            assert spec is not None
+            assert spec.loader is not None
             module = importlib.util.module_from_spec(spec)
             sys.modules[name] = module
             spec.loader.exec_module(module)
@@ -115,7 +126,8 @@ def build(effects: Sequence[Effect]) -> Kernel:
 
 def _source(kernel: Kernel) -> str:
     """Source text of the kernel: the effects' functions, then the template with one guarded call per effect."""
-    functions, calls = [], {"command": [], "gain": [], "torque": [], "friction": [], "sensor": []}
+    functions: list[str] = []
+    calls: dict[str, list[str]] = {"command": [], "gain": [], "torque": [], "friction": [], "sensor": []}
     call = {
         "command": "u = {f}(u, t, q, dq, w, p[{o}:{e}])",
         "gain": "g *= {f}(t, q, dq, w, p[{o}:{e}])",
@@ -143,7 +155,10 @@ def _source(kernel: Kernel) -> str:
     for effect_name, symbol in STRUCTURAL.items():
         constants.append(f"{symbol} = {kernel.switches.get(effect_name, -1)}")
         constants.append(f"{symbol}_P = {kernel.offsets.get(effect_name, 0)}")
-    head = '"""Generated from methods/kernel.py; do not edit."""\nimport math\nimport numpy as np\nfrom numba import njit, prange\n'
+    head = (
+        '"""Generated from methods/kernel.py; do not edit."""\n'
+        "import math\nimport numpy as np\nfrom numba import njit, prange\n"
+    )
     return head + "\n".join(constants) + "\n\n" + "\n\n".join(functions) + "\n" + template
 
 
@@ -212,7 +227,8 @@ def _present(on, has):
 
 @njit(cache=True, inline='always', error_model='numpy')
 def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
-    """Motor and torques of one joint: (w, w', heat', torque on the inertia without dry friction, level of dry friction)."""
+    """Motor and torques of one joint: (w, w', heat', torque on the inertia without dry friction, level of dry
+    friction)."""
     resistance = 1.0
     heating = 0.0
     if THERMAL >= 0 and on[THERMAL]:
@@ -389,7 +405,8 @@ def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak,
     T, n = u.shape
     S = np.zeros((n, 7)); z = np.zeros(n)
     begin(start, u[0], S)
-    advance(0, T, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak, substeps, out, motion)
+    advance(0, T, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak, substeps, out,
+    motion)
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
@@ -402,7 +419,8 @@ def begin(start, u, S):
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak, substeps, out, motion):
+def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak,
+        substeps, out, motion):
     """Samples first..last-1 of a log from the states S (n, 7) and deflections z (n,), which end up at sample last."""
     T, n = u.shape
     D1 = np.zeros((n, 7)); D2 = np.zeros((n, 7)); D3 = np.zeros((n, 7)); D4 = np.zeros((n, 7))
@@ -476,9 +494,12 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                     _rates(at, S, D1, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
                 stopped = -1
                 for attempt in range(2):
-                    _rates_stage(at, 0.5 * span, S, D1, B, D2, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
-                    _rates_stage(at, 0.5 * span, S, D2, B, D3, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
-                    _rates_stage(at, span, S, D3, B, D4, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                    _rates_stage(at, 0.5 * span, S, D1, B, D2, c, xs, sign, stuck, n, P, on, has, pair, rigid,
+                            bristle, extra, level, rhs)
+                    _rates_stage(at, 0.5 * span, S, D2, B, D3, c, xs, sign, stuck, n, P, on, has, pair, rigid,
+                            bristle, extra, level, rhs)
+                    _rates_stage(at, span, S, D3, B, D4, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle,
+                            extra, level, rhs)
                     if attempt == 1 or events >= 6:
                         break
                     share = 1.0
@@ -640,7 +661,8 @@ def batch(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigi
         if u.shape[1] == 1:
             xo = x[lo:hi, 0] if x.shape[0] > 0 else np.zeros((0, 3))
             eo = extra[b, lo:hi, 0] if extra.shape[0] > 0 else np.zeros(0)
-            run_one(t[lo:hi], u[lo:hi, 0], cumulative[lo:hi, 0], hold[0], y[lo:hi, 0], xo, eo, starts[b, l, 0], P[b, l, 0],
+            run_one(t[lo:hi], u[lo:hi, 0], cumulative[lo:hi, 0], hold[0], y[lo:hi, 0], xo, eo, starts[b, l, 0], P[b,
+            l, 0],
                     on[b, 0], leak, rate_leak, substeps, out[b, lo:hi, 0])
             continue
         xl = x[lo:hi] if x.shape[0] > 0 else x

@@ -16,7 +16,8 @@ sensor     f(q, p)                                              reading minus an
 structure  (none)                                               built into the kernel: extra states, time shifts
 ========== ==================================================== =======================================
 
-``t`` [s], ``q`` [rad or m], ``dq`` [rad/s or m/s], ``w`` motor torque [command unit], ``p`` the parameters of the effect
+``t`` [s], ``q`` [rad or m], ``dq`` [rad/s or m/s], ``w`` motor torque [command unit], ``p`` the parameters of the
+effect
 in the order of the declaration, ``x`` = (acceleration, velocity, command) of the neighbouring joint.
 """
 

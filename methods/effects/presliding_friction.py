@@ -1,6 +1,7 @@
 """Presliding friction: bristles bend elastically before the joint slides (Dahl's law with bristle damping).
 
-``z' = q' - |q'| z stiffness / torque``, friction ``stiffness z + damping z'``, damping ``2 damping_ratio sqrt(stiffness inertia)``. Stiff bristles are Coulomb friction.
+``z' = q' - |q'| z stiffness / torque``, friction ``stiffness z + damping z'``,
+        damping ``2 damping_ratio sqrt(stiffness inertia)``. Stiff bristles are Coulomb friction.
 
 Source: P. Dahl 1968; C. Canudas de Wit et al., A new model for control of systems with friction, IEEE TAC 40 (1995).
 """
@@ -14,7 +15,9 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("torque", "torque", "level in sliding", lower=0.0),
         EffectParameter("compliance", "position", "bristle deflection per torque (1 / stiffness)", lower=1e-12),
-        EffectParameter("damping_ratio", "ratio", "bristle damping over 2 sqrt(stiffness inertia)", lower=0.0, upper=2.0),
+        EffectParameter(
+            "damping_ratio", "ratio", "bristle damping over 2 sqrt(stiffness inertia)", lower=0.0, upper=2.0
+        ),
     ),
     equation=r"\dot z = \dot q - |\dot q|\,\sigma_0 z/T_c,\ \tau_f = \sigma_0 z + \sigma_1 \dot z",
     variable="position since reversal",

@@ -15,7 +15,9 @@ EFFECT = Effect(
     name="quadratic_drag",
     stage="arm",
     slot="torque",
-    parameters=(EffectParameter("coefficient", "torque per velocity squared", "torque per squared velocity", lower=0.0),),
+    parameters=(
+        EffectParameter("coefficient", "torque per velocity squared", "torque per squared velocity", lower=0.0),
+    ),
     equation=r"\tau_f = c\,|\dot q|\,\dot q",
     variable="velocity",
     source="Khalil and Dombre",

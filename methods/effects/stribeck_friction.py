@@ -21,14 +21,17 @@ EFFECT = Effect(
         EffectParameter("torque", "torque", "Coulomb level", lower=0.0),
         EffectParameter("excess", "torque", "static level minus Coulomb level", lower=0.0),
         EffectParameter("velocity", "velocity", "Stribeck velocity", lower=1e-9),
-        EffectParameter("exponent", "ratio", "shape: 2 in the Gaussian, 1 in the exponential form", lower=0.5, upper=3.0),
+        EffectParameter(
+            "exponent", "ratio", "shape: 2 in the Gaussian, 1 in the exponential form", lower=0.5, upper=3.0
+        ),
     ),
     equation=r"\tau_f = [T_c + (T_s - T_c)\,e^{-|\dot q/v_s|^{\delta}}]\,\mathrm{sign}(\dot q)",
     variable="velocity",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit 1994",
     amplitudes=(0, 1),
     starts=lambda s: [
-        (0.02 * s.torque_rms, 0.01 * s.torque_rms, fraction * s.velocity_rms, 1.5) for fraction in (0.03, 0.1, 0.25, 0.6)
+        (0.02 * s.torque_rms, 0.01 * s.torque_rms, fraction * s.velocity_rms, 1.5)
+        for fraction in (0.03, 0.1, 0.25, 0.6)
     ],
     function=friction,
     includes=("coulomb_friction",),

@@ -15,7 +15,9 @@ EFFECT = Effect(
     name="torque_constant_saturation",
     stage="motor",
     slot="gain",
-    parameters=(EffectParameter("coefficient", "1/command squared", "relative loss per squared motor torque", lower=0.0),),
+    parameters=(
+        EffectParameter("coefficient", "1/command squared", "relative loss per squared motor torque", lower=0.0),
+    ),
     equation=r"\tau_m = \alpha i / (1 + c\,i^2)",
     variable="motor torque",
     source="Hanselman",

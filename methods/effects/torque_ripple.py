@@ -20,7 +20,9 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("sine", "ratio", "sine part of the share"),
         EffectParameter("cosine", "ratio", "cosine part of the share"),
-        EffectParameter("cycles_per_rev", "cycles per revolution", "cycles per revolution (2 pi per metre)", lower=1e-3),
+        EffectParameter(
+            "cycles_per_rev", "cycles per revolution", "cycles per revolution (2 pi per metre)", lower=1e-3
+        ),
     ),
     equation=r"\tau_m = \alpha i\,(1 + s\,\sin(N q + \varphi))",
     variable="position",

@@ -6,6 +6,7 @@ No outcome stands in the template or here: sentences with numbers are built from
 from __future__ import annotations
 
 import base64
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,7 +51,7 @@ def render(page: Page, figures: Path) -> str:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
-    environment.filters["cell"] = text_of
+    environment.filters["cell"] = _cell
     environment.filters["tone"] = _tone
     inside = {
         picture.name: base64.b64encode((figures / f"{picture.name}.svg").read_bytes()).decode()
@@ -58,6 +59,11 @@ def render(page: Page, figures: Path) -> str:
         for picture in section.pictures
     }
     return environment.get_template("page.html.j2").render(page=page, inside=inside)
+
+
+def _cell(value: object, digits: int) -> str:
+    """A cell with true minus signs, at which no browser breaks a number in two."""
+    return re.sub(r"-(?=\d)", "−", text_of(value, digits))
 
 
 def _tone(verdict: str) -> str:

@@ -20,6 +20,7 @@ from diagnosis.engine import Finding, Settings
 from diagnosis.estimation import Fitted, Point, errors, finish
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.problem import Problem
+from diagnosis.replay import stretch
 from diagnosis.result import Confusable, Isolability
 from envs.log import Array
 from methods.effects.base import Effect, Scales
@@ -96,23 +97,6 @@ def isolability(
                 if key not in pairs or degrees < pairs[key].separation:
                     pairs[key] = Confusable(effect.name, name, joint, float(degrees))
     return tuple(rows), tuple(sorted(pairs.values(), key=lambda pair: pair.separation))
-
-
-def stretch(problem: Problem, seconds: float) -> tuple[Problem, float]:
-    """The beginning of the first log as a problem of its own, and how many times longer all logs are."""
-    count = min(int(problem.bounds[1]), max(2000, round(seconds / problem.sample_time)))
-    count = min(count, int(problem.bounds[1]))
-    cut = replace(
-        problem,
-        time=problem.time[:count],
-        command=problem.command[:count],
-        reading=problem.reading[:count],
-        neighbour=problem.neighbour[:count],
-        bounds=np.array([0, count]),
-        names=problem.names[:1],
-        starts=problem.starts[:1],
-    )
-    return cut, float(problem.used.sum()) / max(float(cut.used.sum()), 1.0)
 
 
 def on_stretch(part: Problem, fitted: Fitted) -> Fitted:

@@ -16,9 +16,9 @@ import numpy as np
 
 from diagnosis.engine import Finding
 from diagnosis.estimation import Fitted, errors, sensitivities
-from diagnosis.isolability import outside, stretch
+from diagnosis.isolability import outside
 from diagnosis.problem import Problem
-from diagnosis.replay import transfer
+from diagnosis.replay import stretch, transfer
 from diagnosis.result import NextExperiment
 from envs.excitation import Chirp, Multisine, ScaledExcitation, Steps, TriangularSweep
 

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from diagnosis.nominal import JointStructure
+from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.problem import Problem, smooth_derivatives
+from diagnosis.replay import stretch
 from envs.compatibility import check_together, with_robot
 from envs.log import Array, Log, LogError
 from envs.log_files import load_with_findings
 from envs.robot import Robot, RobotError
 from envs.robots import find_robot
+from envs.scara import ScaraBody
 
 STILL = 20.0
 """A joint whose position stays within this many encoder steps is held still."""
 KEPT_APART = 0.25
 """Share of each log that is kept apart for the gain when no held-out log is given."""
+PLANAR = 0.7
+"""Share of the squared residual that the coupling of a planar pair has to leave at most."""
+TRIED = 10.0
+"""Length of the stretch on which a stated torque limit is tested [s]."""
 SHORTEST = 400
 """Samples below which a log is not divided."""
 
@@ -122,6 +129,63 @@ def moves(log: Log, joint: int) -> bool:
     column = log.index(joint)
     step = log.facts[column].encoder_step or 0.0
     return bool(np.ptp(log.position[:, column]) > max(STILL * step, 1e-9) and np.ptp(log.command[:, column]) > 0.0)
+
+
+def groups(logs: Sequence[Log], joints: tuple[int, ...], robot: Robot | None) -> list[tuple[int, ...]]:
+    """Joints that are modelled together: a planar pair, by the robot's description or by the logs; else each alone."""
+    first, second = joints[:2] if len(joints) > 1 else (0, 0)
+    if robot is not None:
+        paired = isinstance(robot.body, ScaraBody) and (first, second) == (1, 2)
+    else:
+        paired = len(joints) > 1 and any(is_planar_pair(log, first, second) for log in logs)
+    return [(first, second), *((joint,) for joint in joints[2:])] if paired else [(joint,) for joint in joints]
+
+
+def is_planar_pair(log: Log, first: int, second: int) -> bool:
+    """True when the second joint's angle changes how the joints' motions act on one another, as in an arm of two links.
+
+    The command of each joint is regressed on its own motion and, linearly, on the other's; the arm's coupling terms
+    ``cos q2 (2 q1'' + q2'') - sin q2 (2 q1' q2' + q2'^2)`` and ``cos q2 q1'' + sin q2 q1'^2`` have to explain a good
+    part of what is left, with the sign of an inertia.
+    """
+    columns = [log.index(first), log.index(second)]
+    if any(log.facts[column].position_unit != "rad" for column in columns):
+        return False
+    position, command = log.position[:, columns], log.command[:, columns]
+    seconds = max(0.03, 8 * log.sample_time)
+    q, dq, ddq = smooth_derivatives(log.time, position, seconds)
+    u = smooth_derivatives(log.time, command, seconds)[0]
+    c, s = np.cos(q[:, 1]), np.sin(q[:, 1])
+    coupling = (
+        c * (2 * ddq[:, 0] + ddq[:, 1]) - s * (2 * dq[:, 0] * dq[:, 1] + dq[:, 1] ** 2),
+        c * ddq[:, 0] + s * dq[:, 0] ** 2,
+    )
+    inner = slice(len(q) // 50, -max(1, len(q) // 50))
+    for j in range(2):
+        own = [ddq[:, 0], ddq[:, 1], dq[:, 0], dq[:, 1], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12))]
+        plain = np.stack([*own, np.ones(len(q)), u[:, 1 - j]], axis=1)[inner]
+        full = np.column_stack([plain, coupling[j][inner]])
+        left = []
+        for matrix in (plain, full):
+            scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
+            solution = np.linalg.lstsq(matrix / scale, u[inner, j], rcond=1e-8)[0] / scale
+            left.append(float(np.sum((u[inner, j] - matrix @ solution) ** 2)))
+        if solution[-1] <= 0.0 or left[1] > PLANAR * left[0]:
+            return False
+    return True
+
+
+def plausible_limits(problem: Problem, structures: tuple[JointStructure, ...]) -> tuple[JointStructure, ...]:
+    """The structures with stated torque limits only where the logs do not contradict them.
+
+    Where commands go beyond a limit, the nominal model is fitted to the beginning of the logs with and without it.
+    """
+    peaks = np.max(np.abs(problem.command), axis=0)
+    if not any(0.0 < s.torque_limit < peak for s, peak in zip(structures, peaks, strict=True)):
+        return structures
+    free = tuple(replace(s, torque_limit=0.0) for s in structures)
+    part, _ = stretch(problem, TRIED)
+    return min(structures, free, key=lambda option: fit_nominal(part, option).criterion)
 
 
 def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:

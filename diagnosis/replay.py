@@ -158,6 +158,23 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
     return rms(pieces + drift - q0[begins, None] - v0[begins, None] * response)
 
 
+def stretch(problem: Problem, seconds: float) -> tuple[Problem, float]:
+    """The beginning of the first log as a problem of its own, and how many times longer all logs are."""
+    count = min(int(problem.bounds[1]), max(2000, round(seconds / problem.sample_time)))
+    count = min(count, int(problem.bounds[1]))
+    cut = replace(
+        problem,
+        time=problem.time[:count],
+        command=problem.command[:count],
+        reading=problem.reading[:count],
+        neighbour=problem.neighbour[:count],
+        bounds=np.array([0, count]),
+        names=problem.names[:1],
+        starts=problem.starts[:1],
+    )
+    return cut, float(problem.used.sum()) / max(float(cut.used.sum()), 1.0)
+
+
 def in_blocks(error: Array, bounds: np.ndarray, width: int) -> Array:
     """Mean squares of the finite values in consecutive blocks of `width` samples of every log, shape (blocks,)."""
     found = []

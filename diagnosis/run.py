@@ -29,7 +29,9 @@ from diagnosis.partial_residual import partial_residuals
 from diagnosis.preparation import (
     Recordings,
     given_numbers,
+    groups,
     moving_joints,
+    plausible_limits,
     recordings,
     structure,
 )
@@ -138,7 +140,7 @@ def diagnose(
     joints = moving_joints(read.fitted, joint, findings)
     rng = np.random.default_rng(0)
     results, gaps, ledger, extensions, proposals = [], [], [], [], []
-    for group in ((number,) for number in joints):
+    for group in groups(read.fitted, joints, read.robot):
         solved = solve(read, group, known, settings, tell, seconds)
         started = clock.perf_counter()
         tell(f"joint {', '.join(map(str, group))}: measuring the gain")
@@ -210,6 +212,7 @@ def solve(
     structures = tuple(structure(first, number, read.robot) for number in group)
     problem = stack(kernel, read.fitted, group, pair=len(group) > 1)
     held_out = stack(kernel, read.held_out, group, pair=len(group) > 1)
+    structures = plausible_limits(problem, structures)
     units = tuple(
         joint_units(
             structures[j].input,

@@ -12,7 +12,7 @@ import os
 import tempfile
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -73,7 +73,9 @@ def load_with_findings(
     mended: tuple[Finding, ...] = ()
     if repair:
         log, mended = repaired(log)
-    return log, (*table.findings, *found, *mended, *check(log, columns.names))
+    in_sidecar = {f"q{joint}" for joint, entry in content.get("joints", {}).items() if "position_unit" in entry}
+    names = replace(columns.names, stated=columns.names.stated | in_sidecar)
+    return log, (*table.findings, *found, *mended, *check(log, names))
 
 
 def sidecar_of(path: Path, column_map: ColumnMap | str | Path | None, table: Table) -> tuple[Path, dict[str, Any]]:

@@ -13,9 +13,10 @@ import numpy as np
 from diagnosis.engine import Finding, without
 from diagnosis.estimation import Fitted, Point
 from diagnosis.problem import Problem
-from diagnosis.replay import Replay, in_blocks, input_equivalent, noise_floor, replay, rms, transfer
+from diagnosis.replay import Replay, in_blocks, input_equivalent, noise_floor, replay, rms, transfer, with_phases
 from diagnosis.result import Gap, LedgerRow
 from envs.log import Array
+from methods.kernel import NOMINAL
 
 WINDOW = 1.0
 """Length of the windows of free simulation [s]."""
@@ -53,6 +54,7 @@ def steps(problem: Problem, held_out: Problem, finding: Finding, given: Point | 
     """Every model of the ledger, replayed on the held-out logs."""
     fits = prefixes(problem, finding)
     titles: list[tuple[str, str, int | None, Point]] = []
+    whiten = finding.final.whitener
     if given is not None:
         titles.append(("nominal as given", "as given", None, given))
     titles.append(("refit nominal parameters", "nominal", None, fits[0].point))
@@ -60,7 +62,7 @@ def steps(problem: Problem, held_out: Problem, finding: Finding, given: Point | 
         titles.append((f"+ {item.name}", "effect", item.joint, fitted.point))
     found = []
     for title, role, joint, point in titles:
-        moved = transfer(held_out, point)
+        moved = with_phases(held_out, transfer(held_out, point), whiten)
         found.append(Step(title, role, joint, moved, replay(held_out, moved, WINDOW)))
     return found
 
@@ -153,8 +155,6 @@ def quantiles(values: Array) -> tuple[float, float] | None:
 def given_point(nominal: Fitted, j: int, numbers: dict[str, float]) -> Point:
     """The nominal model with a robot's own numbers (columns of the parameter array) in place of fitted ones."""
     parameters = nominal.point.parameters.copy()
-    from methods.kernel import NOMINAL
-
     for name, value in numbers.items():
         parameters[:, j, NOMINAL.index(name)] = value
     return replace(nominal.point, parameters=parameters)

@@ -7,16 +7,19 @@ states without a sensor (winding, lag, temperature, load side, bristles) are tho
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from scipy.signal import lfilter, savgol_filter
 
-from diagnosis.estimation import Fitted, Point
+from diagnosis.estimation import Fitted, Point, Whitener, errors
 from diagnosis.problem import Problem, smooth_derivatives
 from envs.log import Array
+from methods.joint_equation import network_value
 from methods.kernel import NOMINAL
+from methods.two_layer_network import TwoLayerNetwork
 
 CORRECTION = 0.1
 """Length of the smoothing that estimates the state at the beginning of a window [s]."""
@@ -28,26 +31,25 @@ SMOOTHING = 0.03
 class Replay:
     """One model on one problem's logs.
 
-    prediction: error with the leak, (T, n). windows: error of free simulation, (T, n), NaN outside of windows.
+    prediction: error with the leak, (T, n). motion: angle, velocity, motor torque of that simulation, (T, n, 3).
+    windows: error of free simulation, (T, n), NaN outside of windows.
     whole: the same from the end of the burn-in to the end of each log. microseconds: of one simulated sample.
     """
 
     prediction: Array
     windows: Array
     whole: Array
-    motor_torque: Array
+    motion: Array
     microseconds: float
 
 
 def transfer(problem: Problem, point: Point) -> Point:
     """A point fitted on other logs, made ready for these: what holds for all logs stays, initial states are new.
 
-    Effects that occur in one of the fitted logs only (their amplitudes are zero in the others) are left out.
+    Effects that occur in one of the fitted logs only (their amplitudes are zero in the others) are left out; what is
+    free in every log is that of the first.
     """
     parameters = np.repeat(point.parameters[:1], problem.logs, axis=0)
-    for f in point.free:
-        if f.kind == "log":
-            parameters[:, f.joint, f.column] = point.parameters[:, f.joint, f.column].mean()
     switches = point.switches.copy()
     for effect in problem.kernel.effects:
         offset, column = problem.kernel.offsets[effect.name], problem.kernel.switches[effect.name]
@@ -58,11 +60,51 @@ def transfer(problem: Problem, point: Point) -> Point:
     return replace(point, parameters=parameters, switches=switches, starts=problem.starts.copy(), free=())
 
 
-def replay(problem: Problem, point: Point, window: float = 1.0) -> Replay:
-    """Simulate a point on the logs of a problem: with the leak, freely in windows [s], and freely as a whole."""
+def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:
+    """The point with the phases of periodic disturbances as each of these logs has them; amplitudes stay.
+
+    A disturbance has no reason to begin anew with a recording, so its phase is no property of the model. It is the
+    regression of the whitened prediction errors of a log on the responses to sine and cosine.
+    """
+    mask = problem.used.copy()
+    for a, b in pairwise(problem.bounds):
+        mask[a : min(b, a + int(np.argmax(problem.used[a:b])) + filter_.coefficients.shape[1])] = False
+    whiten = replace(filter_, mask=mask)
+    for effect in problem.kernel.effects:
+        if effect.scan != "time":
+            continue
+        start = problem.kernel.offsets[effect.name]
+        pair = [start + a for a in effect.amplitudes]
+        for j in np.flatnonzero(point.switches[:, problem.kernel.switches[effect.name]]):
+            size = float(np.hypot(*point.parameters[0, j, pair]))
+            trials = []
+            for values in ((0.0, 0.0), (size, 0.0), (0.0, size)):
+                parameters = point.parameters.copy()
+                parameters[:, j, pair] = values
+                trials.append(replace(point, parameters=parameters))
+            errors_ = errors(problem, trials)
+            parameters = point.parameters.copy()
+            for log, (a, b) in enumerate(pairwise(problem.bounds)):
+                own = np.zeros_like(errors_)
+                own[:, a:b] = errors_[:, a:b]
+                plain, sine, cosine = whiten(own).reshape(3, problem.joints, -1)[:, j]
+                basis = np.stack([sine - plain, cosine - plain], axis=1)
+                weights = -np.linalg.lstsq(basis, plain, rcond=None)[0]
+                parameters[log, j, pair] = size * weights / max(float(np.linalg.norm(weights)), 1e-300)
+            point = replace(point, parameters=parameters)
+    return point
+
+
+def replay(
+    problem: Problem, point: Point, window: float = 1.0, compensators: Sequence[TwoLayerNetwork | None] = ()
+) -> Replay:
+    """Simulate a point on the logs of a problem: with the leak, freely in windows [s], and freely as a whole.
+
+    compensators: one network of angle and velocity per joint, or None; its output resists, held over each sample.
+    """
     module, n = problem.kernel.module, problem.joints
     shape = problem.reading.shape
-    prediction, torque = np.zeros(shape), np.zeros(shape)
+    prediction, moved = np.zeros(shape), np.zeros((*shape, 3))
     windows, whole = np.full(shape, np.nan), np.full(shape, np.nan)
     simulated, seconds = 0, 0.0
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
@@ -74,29 +116,48 @@ def replay(problem: Problem, point: Point, window: float = 1.0) -> Replay:
         width = max(8, round(window / problem.sample_time))
         begins = [*range(first, count - width + 1, width)] or [first]
 
-        inputs = (*signals, near, np.zeros((0, n)))
+        extra = np.zeros((count if any(compensators) else 0, n))
+        inputs = (*signals, near, extra)
+
+        def run(start: int, stop: int, state: tuple[Array, Array], speed: tuple, out: Array, motion: Array) -> None:
+            steps = ((k, k + 1) for k in range(start, stop)) if len(extra) else ((start, stop),)  # noqa: B023
+            for k, end in steps:
+                if len(extra):  # noqa: B023
+                    extra[k] = compensation(compensators, state[0])  # noqa: B023
+                module.advance(k, end, *inputs, *state, *model, *speed, out, motion)  # noqa: B023
+
         pull, free = (problem.leak, problem.rate_leak, problem.substeps), (0.0, 0.0, problem.substeps)
         states, bristles = np.zeros((n, 7)), np.zeros(n)
         module.begin(point.starts[log], signals[1][0], states)
         motion, held = np.zeros((count, n, 3)), []
         at = 0
         for begin in (*begins, count):
-            module.advance(at, begin, *inputs, states, bristles, *model, *pull, prediction[a:b], motion)
+            run(at, begin, (states, bristles), pull, prediction[a:b], motion)
             held.append((states.copy(), bristles.copy()))
             at = begin
-        torque[a:b] = motion[:, :, 2]
+        moved[a:b] = motion
         shift = corrections(problem, prediction[a:b])
         started = clock.perf_counter()
         scratch, none = np.zeros((count, n)), np.zeros((0, n, 3))
         for begin, state in zip(begins, held, strict=False):
             stop = min(begin + width, count)
-            module.advance(begin, stop, *inputs, *corrected(state, shift[begin]), *model, *free, scratch, none)
+            run(begin, stop, corrected(state, shift[begin]), free, scratch, none)
             windows[a:b][begin:stop] = scratch[begin:stop]
         seconds += clock.perf_counter() - started
         simulated += len(begins) * width
-        module.advance(first, count, *inputs, *corrected(held[0], shift[first]), *model, *free, scratch, none)
+        run(first, count, corrected(held[0], shift[first]), free, scratch, none)
         whole[a:b][first:] = scratch[first:]
-    return Replay(prediction, windows, whole, torque, 1e6 * seconds / max(simulated, 1))
+    return Replay(prediction, windows, whole, moved, 1e6 * seconds / max(simulated, 1))
+
+
+def compensation(compensators: Sequence[TwoLayerNetwork | None], states: Array) -> Array:
+    """Outputs of the networks (n,) at the states (n, 7)."""
+    return np.array(
+        [
+            0.0 if network is None else network_value(network.flat, 0, state[0], state[1], 0.0, 0.0)
+            for network, state in zip(compensators, states, strict=True)
+        ]
+    )
 
 
 def corrections(problem: Problem, error: Array) -> Array:

@@ -324,7 +324,7 @@ def all_series(solved: Solved, j: int) -> list[Series]:
             0,
             j,
             replays,
-            after.replay.motor_torque[:, j],
+            after.replay.motion[:, j, 2],
             (before.replay.windows[:, j], after.replay.windows[:, j]),
             held_out=True,
         ),

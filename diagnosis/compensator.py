@@ -1,0 +1,64 @@
+"""A small network beside the extended model: it may take what no effect explains, if it pays on data it has not seen.
+
+The network learns the input-equivalent residual of the final model as a function of angle and velocity on the first
+part of the fitted logs. It joins the model only if free simulation in windows improves on the rest of them, by more
+than the bootstrap interval of the improvement; the held-out logs have no say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagnosis.engine import Finding
+from diagnosis.ledger import WINDOW, resampled
+from diagnosis.problem import Problem, stack
+from diagnosis.replay import in_blocks, input_equivalent, replay, rms, transfer
+from envs.log import Log
+from methods.full_batch import FullBatch
+from methods.network_training import train_network
+from methods.two_layer_network import TWO_SIGNALS, TwoLayerNetwork
+
+LEARNED = 0.7
+"""Share of each fitted log that the network learns from; the rest decides whether it stays."""
+HIDDEN_NODES = 8
+ROWS = 6000
+"""Samples that the network is trained on."""
+
+
+def compensators(
+    logs: Sequence[Log], problem: Problem, finding: Finding, group: tuple[int, ...], rng: np.random.Generator
+) -> tuple[tuple[TwoLayerNetwork | None, ...], str]:
+    """One network per joint of a problem, or None where it does not earn its place; and the reason in words."""
+    if all(left.excess <= 0.0 for left in finding.remainders):
+        return (None,) * problem.joints, "what is left is noise"
+    cuts = [int(LEARNED * len(log)) for log in logs]
+    learned, judged = (
+        stack(problem.kernel, [log.slice(*ends(cut, len(log))) for log, cut in zip(logs, cuts, strict=True)], group,
+              pair=problem.pair)
+        for ends in (lambda cut, size: (0, cut), lambda cut, size: (cut, size))
+    )  # fmt: skip
+    own = [transfer(part, finding.final.point) for part in (learned, judged)]
+    found = replay(learned, own[0], WINDOW)
+    residual = input_equivalent(learned, own[0], found.prediction)
+    networks: list[TwoLayerNetwork | None] = []
+    for j in range(problem.joints):
+        if finding.remainders[j].excess <= 0.0:
+            networks.append(None)
+            continue
+        rows = np.flatnonzero(learned.used)
+        rows = rows[:: max(1, len(rows) // ROWS)]
+        inputs = np.stack([found.motion[rows, j, 0], found.motion[rows, j, 1]], axis=1)
+        trainer = FullBatch(iterations=60, every=1)
+        network, _, _ = train_network(inputs, -residual[rows, j], TWO_SIGNALS, HIDDEN_NODES, trainer, True, rng)
+        networks.append(network)
+    before, after = replay(judged, own[1], WINDOW), replay(judged, own[1], WINDOW, networks)
+    width = max(8, round(WINDOW / judged.sample_time))
+    kept: list[TwoLayerNetwork | None] = []
+    for j, network in enumerate(networks):
+        blocks = np.array([in_blocks(item.windows[:, j], judged.bounds, width) for item in (before, after)])
+        draws = resampled(blocks, rng)
+        better = np.isfinite(rms(after.windows[:, j])) and float(np.quantile(draws[1] / draws[0], 0.95)) < 1.0
+        kept.append(network if better else None)
+    return tuple(kept), "" if any(kept) else "it does not improve on the part of the fitted logs that it has not seen"

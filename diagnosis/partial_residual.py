@@ -17,6 +17,7 @@ Source: R. D. Cook, Exploring partial residual plots, Technometrics 35 (1993).
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -57,7 +58,7 @@ def missing_torque(problem: Problem, point: Point, error: Array, joint: int, sec
     """Input-equivalent driving torque (T,) that explains a prediction error (T, n) of one joint."""
     out = np.zeros(len(problem.time))
     dt, leak = problem.sample_time, problem.leak
-    for log, (a, b) in enumerate(zip(problem.bounds[:-1], problem.bounds[1:], strict=True)):
+    for log, (a, b) in enumerate(pairwise(problem.bounds)):
         parameters = point.parameters[log, joint]
         e, de, dde = _derivatives(error[a:b, joint], dt, seconds)
         velocity = de + leak * e
@@ -77,7 +78,7 @@ def missing_torque(problem: Problem, point: Point, error: Array, joint: int, sec
 def missing_reading(problem: Problem, error: Array, joint: int) -> Array:
     """Error of the reading (T,) that explains a prediction error (T, n), up to a straight line in each log."""
     out = np.zeros(len(problem.time))
-    for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
+    for a, b in pairwise(problem.bounds):
         e = error[a:b, joint]
         out[a:b] = detrend(e + problem.leak * problem.sample_time * np.cumsum(e))
     return out
@@ -135,7 +136,7 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
         continuous=unit == "s",
     )
     if frame.continuous:
-        return _stretch(problem, frame)
+        return _stretch(problem, frame, effect.scan == "event")
     return _binned(frame, _shown(problem, final.point, effect, joint, x))
 
 
@@ -162,7 +163,7 @@ def _signal(problem: Problem, point: Point, joint: int, name: str, units: JointU
     parts: list[Array] = []
     unit = "s"
     seconds = max(0.02, 5 * problem.sample_time)
-    for log, (a, b) in enumerate(zip(problem.bounds[:-1], problem.bounds[1:], strict=True)):
+    for log, (a, b) in enumerate(pairwise(problem.bounds)):
         q, dq, ddq = (x[:, 0] for x in smooth_derivatives(problem.time[a:b], problem.reading[a:b, [joint]], seconds))
         if name == "position":
             unit, part = units.position, problem.reading[a:b, joint]
@@ -240,11 +241,18 @@ def _binned(frame: PartialResidual, mask: np.ndarray) -> PartialResidual:
     )
 
 
-def _stretch(problem: Problem, frame: PartialResidual) -> PartialResidual:
-    """About twelve swings of the law around its largest value, or all of its log where it swings less."""
-    law = np.where(problem.used, frame.laws[0][1], 0.0)
+def _stretch(problem: Problem, frame: PartialResidual, event: bool) -> PartialResidual:
+    """About twelve swings of the law around its largest value, or all of its log where it swings less.
+
+    The first tenth of each log, in which initial states still settle, is left out unless an event may fall into it.
+    """
+    settled = problem.used.copy()
+    if not event:
+        for a, b in pairwise(problem.bounds):
+            settled[a : a + (b - a) // 10] = False
+    law = np.where(settled, frame.laws[0][1], 0.0)
     log = int(np.searchsorted(problem.bounds, int(np.argmax(np.abs(law))), side="right") - 1)
-    own = np.flatnonzero(problem.used[problem.bounds[log] : problem.bounds[log + 1]]) + int(problem.bounds[log])
+    own = np.flatnonzero(settled[problem.bounds[log] : problem.bounds[log + 1]]) + int(problem.bounds[log])
     time, values = frame.x[own], law[own]
     peak = int(np.argmax(np.abs(values)))
     active = np.abs(values) > 0.05 * np.abs(values[peak])

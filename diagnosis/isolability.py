@@ -176,7 +176,7 @@ def outside(basis: Array, vectors: Array) -> Array:
 def angle(one: Response, other: Response) -> float:
     """Angle [degrees] between one effect's response and the span of the other's."""
     left = outside(other.columns, one.direction[None])[0]
-    share = np.linalg.norm(left) / max(np.linalg.norm(one.direction), 1e-300)
+    share = float(np.linalg.norm(left)) / max(float(np.linalg.norm(one.direction)), 1e-300)
     return float(np.degrees(np.arcsin(min(1.0, share))))
 
 

@@ -391,7 +391,7 @@ def reproduction(model: StructuredModel, exported: Exported, names: Sequence[str
     for joint, effect in exported.missing:
         plain = plain.without(joint, effect)
     start = State.at_rest(np.zeros(len(names)))
-    time = model.sample_time * np.arange(len(command))
+    time = model.sample_time * np.arange(len(command), dtype=float)
     ours = plain.simulate(time, command, start).position
     theirs = simulate(exported.xml, names, command, model.sample_time, start)
     return np.sqrt(np.mean((ours - theirs) ** 2, axis=0))

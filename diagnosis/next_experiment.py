@@ -129,7 +129,7 @@ def experiment(
 ) -> tuple[ScaledExcitation, Problem, float] | None:
     """The excitation as large as the range allows, its noise-free recording, and how many times longer the logs are."""
     part, ratio = stretch(problem, LENGTH)
-    time = problem.sample_time * np.arange(len(part.time))
+    time = problem.sample_time * np.arange(len(part.time), dtype=float)
     middle = 0.5 * (limits.lower + limits.upper)
     for _ in range(ATTEMPTS):
         scaled = replace(excitation, amplitude=float(f"{amplitude:.3g}"))

@@ -162,7 +162,7 @@ def compensation(compensators: Sequence[TwoLayerNetwork | None], states: Array) 
 
 def corrections(problem: Problem, error: Array) -> Array:
     """What to add to the observer's angle and velocity, (T, n, 2): smoothed error e, and e' + leak e."""
-    smooth, rate, _ = smooth_derivatives(np.arange(len(error)) * problem.sample_time, error, CORRECTION)
+    smooth, rate, _ = smooth_derivatives(np.arange(len(error), dtype=float) * problem.sample_time, error, CORRECTION)
     return np.stack([smooth, rate + problem.leak * smooth], axis=-1)
 
 

@@ -251,7 +251,9 @@ def _network_dict(network: TwoLayerNetwork) -> dict[str, Any]:
 
 
 def _network(content: Mapping[str, Any]) -> TwoLayerNetwork:
-    arrays = {name: np.array(value) if isinstance(value, list) else value for name, value in content.items()}
+    arrays: dict[str, Any] = {
+        name: np.array(value) if isinstance(value, list) else value for name, value in content.items()
+    }
     return TwoLayerNetwork(**arrays)
 
 
@@ -359,7 +361,7 @@ class StructuredSimulator:
         return self.robot.measure(self._position)
 
     def _new(self, length: int) -> Session:
-        time = self.sample_time * np.arange(length)
+        time = self.sample_time * np.arange(length, dtype=float)
         return Session(self._model, time, np.zeros((length, len(self._rows))), "zero_order", self._none())
 
     def _none(self) -> Array:

@@ -56,9 +56,9 @@ def compensators(
     before, after = replay(judged, own[1], WINDOW), replay(judged, own[1], WINDOW, networks)
     width = max(8, round(WINDOW / judged.sample_time))
     kept: list[TwoLayerNetwork | None] = []
-    for j, network in enumerate(networks):
+    for j, candidate in enumerate(networks):
         blocks = np.array([in_blocks(item.windows[:, j], judged.bounds, width) for item in (before, after)])
         draws = resampled(blocks, rng)
         better = np.isfinite(rms(after.windows[:, j])) and float(np.quantile(draws[1] / draws[0], 0.95)) < 1.0
-        kept.append(network if better else None)
+        kept.append(candidate if better else None)
     return tuple(kept), "" if any(kept) else "it does not improve on the part of the fitted logs that it has not seen"

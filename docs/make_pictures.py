@@ -27,9 +27,9 @@ IMAGES = Path(__file__).parent / "img"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 HIDDEN = ("coulomb_friction=6.9",)
 EXCITATIONS = (
-    "multisine:amplitude=2,band=0.1-8,joints=1",
-    "chirp:amplitude=1.5,band=0.1-5,joints=1",
-    "multisine:amplitude=1.5,band=0.2-5,joints=1",
+    "multisine:amplitude=1.2,band=0.5-8,joints=1",
+    "chirp:amplitude=1.2,band=0.6-6,joints=1",
+    "multisine:amplitude=1,band=0.4-5,joints=1",
 )
 WIDTH, HEIGHT = 1000, 1800
 ABRIDGED = "<style>html{background:#fff} .part:not(.gap):not(.cause), footer {display: none}</style></head>"

@@ -35,8 +35,9 @@ def test_a_known_torque_comes_back(solved: tuple[Problem, Fitted]) -> None:
     problem, fitted = solved
     torque = 0.05 * np.sin(7.0 * problem.time)
     extra = torque[None, :, None]
-    # a model that is braked lacks as much drive
-    change = errors(problem, [fitted.point], extra=extra)[0] - fitted.error
+
+    braked = errors(problem, [fitted.point], extra=extra)[0]
+    change = braked - fitted.error
     found = missing_torque(problem, fitted.point, change, 0, 0.03)
     used = problem.used & (problem.time > 1.0)
     slope = np.polyfit(torque[used], found[used], 1)[0]

@@ -77,12 +77,14 @@ def diagnose(
     joint: Annotated[int | None, typer.Option("--joint", metavar="J", help="Diagnose this joint only")] = None,
     columns: ColumnMapFile = None,
     repair: Repair = False,
+    rivals: Annotated[
+        bool, typer.Option("--rivals", help="Also train networks on the same logs and show them in the ledger")
+    ] = False,
 ) -> None:
     """Name what the nominal model of a robot gets wrong on measured logs."""
     from diagnosis.run import diagnose_files
 
-    verdict = diagnose_files(logs, holdout or [], robot, joint, out, columns=columns, repair=repair)
-    typer.echo(verdict)
+    typer.echo(diagnose_files(logs, holdout or [], robot, joint, out, columns=columns, repair=repair, rivals=rivals))
 
 
 @data_app.command("list")

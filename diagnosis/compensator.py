@@ -16,7 +16,7 @@ from diagnosis.ledger import WINDOW, resampled
 from diagnosis.problem import Problem, stack
 from diagnosis.replay import in_blocks, input_equivalent, replay, rms, transfer
 from envs.log import Log
-from methods.full_batch import FullBatch
+from methods.closed_form_gradient import ClosedFormGradient
 from methods.network_training import train_network
 from methods.two_layer_network import TWO_SIGNALS, TwoLayerNetwork
 
@@ -50,7 +50,7 @@ def compensators(
         rows = np.flatnonzero(learned.used)
         rows = rows[:: max(1, len(rows) // ROWS)]
         inputs = np.stack([found.motion[rows, j, 0], found.motion[rows, j, 1]], axis=1)
-        trainer = FullBatch(iterations=60, every=1)
+        trainer = ClosedFormGradient(iterations=120)
         network, _, _ = train_network(inputs, -residual[rows, j], TWO_SIGNALS, HIDDEN_NODES, trainer, True, rng)
         networks.append(network)
     before, after = replay(judged, own[1], WINDOW), replay(judged, own[1], WINDOW, networks)

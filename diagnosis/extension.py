@@ -14,7 +14,8 @@ from diagnosis.problem import Problem
 from diagnosis.replay import replay, rms
 from envs.log import InputKind
 from methods.kernel import NOMINAL
-from methods.structured import StructuredJoint, StructuredModel
+from methods.structured import COMPENSATOR, StructuredJoint, StructuredModel
+from methods.two_layer_network import TwoLayerNetwork
 
 CHECKED = 3.0
 """Length of the stretch on which MuJoCo is compared with the model [s]."""
@@ -29,6 +30,7 @@ class Extension:
     units: tuple[JointUnits, ...]
     held_out: Problem
     point: Point
+    compensators: tuple[TwoLayerNetwork | None, ...]
 
 
 @dataclass(frozen=True)
@@ -56,15 +58,13 @@ def extended_model(extensions: Sequence[Extension]) -> StructuredModel:
                     effects[effect.name] = dict(zip(names, row[start : start + effect.size].tolist(), strict=True))
             nominal = dict(zip(NOMINAL, row[: len(NOMINAL)].tolist(), strict=True))
             unit = item.units[j].position
-            parts.append(StructuredJoint(joint, item.inputs[j], nominal, effects, unit))
+            parts.append(StructuredJoint(joint, item.inputs[j], nominal, effects, unit, item.compensators[j]))
     first = ordered[0]
     coupling = (float(first.point.rigid[0]), float(first.point.rigid[1])) if first.held_out.pair else None
     return StructuredModel(tuple(parts), first.held_out.sample_time, coupling, first.held_out.kernel.effects)
 
 
-def mujoco_twin(
-    model: StructuredModel, extensions: Sequence[Extension], names: Sequence[str], window: float
-) -> Twin:
+def mujoco_twin(model: StructuredModel, extensions: Sequence[Extension], names: Sequence[str], window: float) -> Twin:
     """The model in MuJoCo, what it lacks, and what that costs on the held-out logs.
 
     names: of the model's joints. The cost is the rms error of free simulation in windows of the given length [s]
@@ -79,14 +79,17 @@ def mujoco_twin(
         item = next(item for item in extensions if joint in item.joints)
         j = item.joints.index(joint)
         entry: dict[str, Any] = {"effect": effect, "joint": joint}
-        if effect in item.held_out.kernel.switches:
-            switches = item.point.switches.copy()
+        switches, networks = item.point.switches.copy(), list(item.compensators)
+        if effect == COMPENSATOR:
+            networks[j] = None
+        elif effect in item.held_out.kernel.switches:
             switches[j, item.held_out.kernel.switches[effect]] = False
-            lacking = replace(item.point, switches=switches)
-            entry["error_with"], entry["error_without"] = (
-                rms(replay(item.held_out, point, window).windows[:, j]) for point in (item.point, lacking)
-            )
-            entry["unit"] = item.units[j].position
+        lacking = replace(item.point, switches=switches)
+        entry["error_with"], entry["error_without"] = (
+            rms(replay(item.held_out, point, window, own).windows[:, j])
+            for point, own in ((item.point, item.compensators), (lacking, networks))
+        )
+        entry["unit"] = item.units[j].position
         left_out.append(entry)
     ordered = sorted(extensions, key=lambda item: -len(item.joints))
     count = min(int(CHECKED / model.sample_time), *(int(item.held_out.bounds[1]) for item in ordered))

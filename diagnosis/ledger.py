@@ -83,7 +83,7 @@ def rows(
     blocks = np.array([in_blocks(step.replay.windows[:, j], held_out.bounds, width) for step in found])
     base = next(i for i, step in enumerate(found) if step.role == "nominal")
     draws = resampled(blocks, rng)
-    table = []
+    table: list[LedgerRow] = []
     for i, step in enumerate(found):
         if step.joint not in (None, j):
             continue
@@ -107,11 +107,12 @@ def rows(
 def gap(
     held_out: Problem, found: list[Step], j: int, joint: int, unit: str, floor: float, on: str, rng: np.random.Generator
 ) -> Gap:
-    """The gain of the extended over the refitted nominal model for joint index j."""
+    """The gain of all named effects over the refitted nominal model for joint index j."""
     width = max(8, round(WINDOW / held_out.sample_time))
     base = next(step for step in found if step.role == "nominal")
-    blocks = np.array([in_blocks(step.replay.windows[:, j], held_out.bounds, width) for step in (base, found[-1])])
-    before, after = (rms(step.replay.windows[:, j]) for step in (base, found[-1]))
+    last = next(step for step in reversed(found) if step.role in ("nominal", "effect"))
+    blocks = np.array([in_blocks(step.replay.windows[:, j], held_out.bounds, width) for step in (base, last)])
+    before, after = (rms(step.replay.windows[:, j]) for step in (base, last))
     draws = resampled(blocks, rng)
     share = closed(after, before, floor)
     each = [closed(a, b, floor) for b, a in zip(*draws, strict=True)]

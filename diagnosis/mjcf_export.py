@@ -34,7 +34,7 @@ import numpy as np
 from envs.log import Array
 from envs.scara import STANDARD_GRAVITY
 from methods.base import State
-from methods.structured import StructuredJoint, StructuredModel
+from methods.structured import COMPENSATOR, StructuredJoint, StructuredModel
 
 STEP = 1.25e-4
 """Longest step of MuJoCo [s]."""
@@ -104,6 +104,8 @@ def export(model: StructuredModel, units: Sequence[float | None], names: Sequenc
         for effect, values in item.part.effects.items():
             if not _ELEMENTS.get(effect, _lacks)(item, values):
                 missing.append((item.part.joint, effect))
+        if item.part.compensator is not None:
+            missing.append((item.part.joint, COMPENSATOR))
         _constant(item)
         if not _gravity(item, single=model.coupling is None or item.part.joint not in model.joints[:2]):
             missing.append((item.part.joint, "gravity"))
@@ -275,9 +277,7 @@ def _tilt(item: _Joint, p: Values) -> bool:
 def _cogging(item: _Joint, p: Values) -> bool:
     amplitude = item.torque(math.hypot(p["sine"], p["cosine"]))
     phase = math.atan2(p["cosine"], p["sine"]) + math.pi
-    passive = item.spec.add_actuator(
-        name=f"{item.name}_cogging", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=item.name
-    )
+    passive = item.spec.add_actuator(name=f"{item.name}_cogging", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=item.name)
     cogging = [amplitude, p["cycles_per_rev"], phase]
     passive.set_to_dcmotor(motorconst=[0.0, 0.0], resistance=1.0, cogging=cogging, ctrlspec=_PASSIVE)
     return True

@@ -101,9 +101,7 @@ def _sharpest(
     )
 
 
-def excitations(
-    problem: Problem, j: int, joint: int, limits: Range | None
-) -> Iterator[tuple[ScaledExcitation, float]]:
+def excitations(problem: Problem, j: int, joint: int, limits: Range | None) -> Iterator[tuple[ScaledExcitation, float]]:
     """Candidates with the amplitude to begin with: the largest command seen, or what the drive accepts."""
     peak = float(np.max(np.abs(problem.command[:, j] - np.mean(problem.command[:, j]))))
     largest = peak if limits is None or not np.isfinite(limits.command) else min(2.0 * peak, limits.command)
@@ -172,4 +170,3 @@ def on_problem(part: Problem, fitted: Fitted) -> Fitted:
     """A fit on its own logs as it is, on a simulated experiment as `on_experiment` has it."""
     same = len(part.time) == len(fitted.error) and part.logs == len(fitted.point.starts)
     return fitted if same else on_experiment(part, fitted)
-

@@ -254,9 +254,11 @@ def given_numbers(robot: Robot, joint: int, log: Log) -> dict[str, float]:
         numbers["back_emf"] = drive.torque_constant / drive.amplifier_gain.value
         numbers["electrical_time_constant"] = drive.inductance.value / drive.resistance.value
     kind = gravity_kind(robot, joint, at)
-    bias = lambda angle: unit * float(  # noqa: E731
-        robot.body.bias(np.where(np.arange(len(at)) == joint - 1, angle, at), np.zeros_like(at))[joint - 1]
-    )
+
+    def bias(angle: float) -> float:
+        there = np.where(np.arange(len(at)) == joint - 1, angle, at)
+        return unit * float(robot.body.bias(there, np.zeros_like(at))[joint - 1])
+
     if kind == "constant":
         numbers["load"] = bias(at[joint - 1])
     elif kind == "pendulum":

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -17,12 +18,14 @@ from scipy.signal import lfilter, savgol_filter
 from diagnosis.estimation import Fitted, Point, Whitener, errors
 from diagnosis.problem import Problem, smooth_derivatives
 from envs.log import Array
-from methods.joint_equation import network_value
+from methods.compensated_kernel import compensated, pack
 from methods.kernel import NOMINAL
 from methods.two_layer_network import TwoLayerNetwork
 
 CORRECTION = 0.1
 """Length of the smoothing that estimates the state at the beginning of a window [s]."""
+LONGEST = 12_000
+"""Samples of a stretch at most."""
 SMOOTHING = 0.03
 """Length of the smoothing of the input-equivalent residual [s]."""
 
@@ -102,7 +105,9 @@ def replay(
 
     compensators: one network of angle and velocity per joint, or None; its output resists, held over each sample.
     """
-    module, n = problem.kernel.module, problem.joints
+    module, n, advance = problem.kernel.module, problem.joints, problem.kernel.module.advance
+    if any(compensators):
+        advance = partial(compensated(advance), pack(compensators))
     shape = problem.reading.shape
     prediction, moved = np.zeros(shape), np.zeros((*shape, 3))
     windows, whole = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -118,21 +123,13 @@ def replay(
 
         extra = np.zeros((count if any(compensators) else 0, n))
         inputs = (*signals, near, extra)
-
-        def run(start: int, stop: int, state: tuple[Array, Array], speed: tuple, out: Array, motion: Array) -> None:
-            steps = ((k, k + 1) for k in range(start, stop)) if len(extra) else ((start, stop),)  # noqa: B023
-            for k, end in steps:
-                if len(extra):  # noqa: B023
-                    extra[k] = compensation(compensators, state[0])  # noqa: B023
-                module.advance(k, end, *inputs, *state, *model, *speed, out, motion)  # noqa: B023
-
         pull, free = (problem.leak, problem.rate_leak, problem.substeps), (0.0, 0.0, problem.substeps)
         states, bristles = np.zeros((n, 7)), np.zeros(n)
         module.begin(point.starts[log], signals[1][0], states)
         motion, held = np.zeros((count, n, 3)), []
         at = 0
         for begin in (*begins, count):
-            run(at, begin, (states, bristles), pull, prediction[a:b], motion)
+            advance(at, begin, *inputs, states, bristles, *model, *pull, prediction[a:b], motion)
             held.append((states.copy(), bristles.copy()))
             at = begin
         moved[a:b] = motion
@@ -141,23 +138,13 @@ def replay(
         scratch, none = np.zeros((count, n)), np.zeros((0, n, 3))
         for begin, state in zip(begins, held, strict=False):
             stop = min(begin + width, count)
-            run(begin, stop, corrected(state, shift[begin]), free, scratch, none)
+            advance(begin, stop, *inputs, *corrected(state, shift[begin]), *model, *free, scratch, none)
             windows[a:b][begin:stop] = scratch[begin:stop]
         seconds += clock.perf_counter() - started
         simulated += len(begins) * width
-        run(first, count, corrected(held[0], shift[first]), free, scratch, none)
+        advance(first, count, *inputs, *corrected(held[0], shift[first]), *model, *free, scratch, none)
         whole[a:b][first:] = scratch[first:]
     return Replay(prediction, windows, whole, moved, 1e6 * seconds / max(simulated, 1))
-
-
-def compensation(compensators: Sequence[TwoLayerNetwork | None], states: Array) -> Array:
-    """Outputs of the networks (n,) at the states (n, 7)."""
-    return np.array(
-        [
-            0.0 if network is None else network_value(network.flat, 0, state[0], state[1], 0.0, 0.0)
-            for network, state in zip(compensators, states, strict=True)
-        ]
-    )
 
 
 def corrections(problem: Problem, error: Array) -> Array:
@@ -221,8 +208,7 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
 
 def stretch(problem: Problem, seconds: float) -> tuple[Problem, float]:
     """The beginning of the first log as a problem of its own, and how many times longer all logs are."""
-    count = min(int(problem.bounds[1]), max(2000, round(seconds / problem.sample_time)))
-    count = min(count, int(problem.bounds[1]))
+    count = min(int(problem.bounds[1]), int(np.clip(round(seconds / problem.sample_time), 2000, LONGEST)))
     cut = replace(
         problem,
         time=problem.time[:count],

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import welch
 
+from diagnosis.compensator import compensators
 from diagnosis.engine import Accepted, Finding, Settings, Verdict, find
 from diagnosis.estimation import Point
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
@@ -36,7 +37,7 @@ from diagnosis.preparation import (
     structure,
 )
 from diagnosis.problem import Problem, smooth_derivatives, stack
-from diagnosis.replay import input_equivalent
+from diagnosis.replay import input_equivalent, replay
 from diagnosis.report import render
 from diagnosis.result import (
     Alternative,
@@ -52,6 +53,7 @@ from diagnosis.result import (
     SignalDependence,
     Spectrum,
 )
+from diagnosis.rivals import rival_rows
 from diagnosis.search import Ranked, Scored
 from diagnosis.text import joint_sentence, table
 from envs.log import Array, Log
@@ -60,6 +62,7 @@ from methods.effects import built_in
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL, build
 from methods.structured import StructuredModel
+from methods.two_layer_network import TwoLayerNetwork
 
 PLOTTED = 4000
 """Samples of a signal that are kept for plots."""
@@ -72,7 +75,7 @@ Tell = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """One problem (a joint, or a coupled pair) from logs to ledger; arrays are those of the held-out logs."""
+    """One problem (a joint, or a coupled pair) from logs to ledger; `no_compensator` says why there is none."""
 
     joints: tuple[int, ...]
     structures: tuple[JointStructure, ...]
@@ -81,6 +84,8 @@ class Solved:
     held_out: Problem
     finding: Finding
     ledger: tuple[Step, ...]
+    compensators: tuple[TwoLayerNetwork | None, ...]
+    no_compensator: str
 
     @property
     def last(self) -> Step:
@@ -97,8 +102,11 @@ def diagnose_files(
     *,
     columns: Path | None = None,
     repair: bool = False,
+    rivals: bool = False,
 ) -> str:
     """Diagnose log files, write the results into the folder `out`, and return what the terminal shows.
+
+    rivals: also train the networks that the ledger compares with (some seconds more).
 
     Nothing is written unless everything is ready. Raises LogError, RobotError or DiagnosisError for unusable input.
     """
@@ -111,7 +119,7 @@ def diagnose_files(
         started = clock.perf_counter()
         read = recordings(logs, holdout, robot, columns, repair)
         seconds = {"reading": clock.perf_counter() - started}
-        diagnosis, model, twin = diagnose(read, joint, tell=status.update, seconds=seconds)
+        diagnosis, model, twin = diagnose(read, joint, rivals=rivals, tell=status.update, seconds=seconds)
         status.update("writing the report")
         write_atomically(
             {
@@ -130,6 +138,7 @@ def diagnose(
     *,
     settings: Settings | None = None,
     effects: Sequence[Effect] | None = None,
+    rivals: bool = False,
     tell: Tell = lambda text: None,
     seconds: dict[str, float] | None = None,
 ) -> tuple[Diagnosis, StructuredModel, Twin]:
@@ -149,10 +158,13 @@ def diagnose(
             results.append(result)
             gaps.append(own_gap)
             ledger += own_rows
+            ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
         inputs = tuple(structure_.input for structure_ in solved.structures)
-        extensions.append(Extension(group, inputs, solved.units, solved.held_out, solved.last.point))
+        extensions.append(
+            Extension(group, inputs, solved.units, solved.held_out, solved.last.point, solved.compensators)
+        )
         seconds["results"] = seconds.get("results", 0.0) + clock.perf_counter() - started
     started = clock.perf_counter()
     tell("exporting the extended model")
@@ -174,6 +186,21 @@ def diagnose(
         mujoco_difference=twin.difference,
     )
     return diagnosis, model, twin
+
+
+def compared(
+    read: Recordings, solved: Solved, j: int, own_gap: Gap, rng: np.random.Generator, *, networks: bool
+) -> list[LedgerRow]:
+    """Rows beside the own models: why there is no compensator, and the rivals."""
+    joint = solved.joints[j]
+    rows_ = []
+    if solved.compensators[j] is None:
+        reason = solved.no_compensator or "what is left of this joint is noise"
+        rows_.append(LedgerRow(joint, "+ compensator", "compensator", None, None, None, note=reason))
+    gravity = solved.structures[j].gravity == "constant"
+    scale = (own_gap.before, own_gap.noise_floor)
+    logs = (read.fitted, read.held_out)
+    return rows_ + rival_rows(*logs, solved.held_out, joint, scale, rng, constant_load=gravity, networks=networks)
 
 
 def first_choice(proposals: Sequence[NextExperiment], results: Sequence[JointResult]) -> NextExperiment | None:
@@ -226,10 +253,15 @@ def solve(
     given = None
     if read.robot is not None and len(group) == 1:
         given = given_point(finding.nominal, 0, given_numbers(read.robot, group[0], first))
-    ledger = tuple(steps(problem, held_out, finding, given))
+    ledger = steps(problem, held_out, finding, given)
+    tell(f"{name}: a network for the remainder")
+    networks, reason = compensators(read.fitted, problem, finding, group, np.random.default_rng(0))
+    if any(networks):
+        point = ledger[-1].point
+        ledger.append(Step("+ compensator", "compensator", None, point, replay(held_out, point, WINDOW, networks)))
     seconds["search"] = seconds.get("search", 0.0) + found - started
     seconds["ledger"] = seconds.get("ledger", 0.0) + clock.perf_counter() - found
-    return Solved(group, structures, units, problem, held_out, finding, ledger)
+    return Solved(group, structures, units, problem, held_out, finding, tuple(ledger), networks, reason)
 
 
 def joint_result(
@@ -244,9 +276,7 @@ def joint_result(
     given = next((step.point for step in solved.ledger if step.role == "as given"), None)
     numbers = {} if given is None else dict(zip(NOMINAL[:7], given.parameters[0, j, :7].tolist(), strict=True))
     numbers["damping"] = numbers.get("viscous", 0.0) + numbers.get("back_emf", 0.0)
-    named = tuple(
-        named_effect(solved, item, spread, joint, units) for item in finding.accepted if item.joint == j
-    )
+    named = tuple(named_effect(solved, item, spread, joint, units) for item in finding.accepted if item.joint == j)
     left = finding.remainders[j]
     visible, confusable = isolability(solved.problem, finding, j, joint, effects, settings)
     result = JointResult(
@@ -384,9 +414,7 @@ def spectrum(solved: Solved, j: int) -> Spectrum:
     return Spectrum(frequency, *densities)
 
 
-def provenance(
-    read: Recordings, settings: Settings, seconds: dict[str, float], findings: Sequence[str]
-) -> Provenance:
+def provenance(read: Recordings, settings: Settings, seconds: dict[str, float], findings: Sequence[str]) -> Provenance:
     """Hashes of the logs, versions, settings, seconds."""
     packages = ("adeptone", "numpy", "scipy", "numba")
     return Provenance(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from scipy.signal import savgol_filter
 from envs.log import Array, Hold, InputKind
 from envs.robot import Robot
 from methods.base import MethodError, Model, Motion, State
+from methods.compensated_kernel import compensated, pack
 from methods.effects import built_in
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL, Kernel, build
@@ -30,6 +31,8 @@ DIVERGED = 1e6
 INVERSION_LEAK = 30.0
 """Rate at which the simulation inside the inversion is pulled to the motion [1/s]."""
 INVERSION_ROUNDS = 12
+COMPENSATOR = "compensator"
+"""Name of the network among the parts of a model that can be left out."""
 
 
 @dataclass(frozen=True)
@@ -106,14 +109,13 @@ class StructuredModel(Model):
         return parameters, switches, self.coupling is not None, np.array(self.coupling or (0.0, 1.0))
 
     def without(self, joint: int, effect: str) -> StructuredModel:
-        """The same model with one effect left out, nothing refitted."""
-        parts = [
-            replace(part, effects={name: p for name, p in part.effects.items() if name != effect})
-            if part.joint == joint
-            else part
-            for part in self.parts
-        ]
-        return replace(self, parts=tuple(parts))
+        """The same model with one effect (or the compensator) of a joint left out, nothing refitted."""
+
+        def reduced(part: StructuredJoint) -> StructuredJoint:
+            effects = {name: values for name, values in part.effects.items() if name != effect}
+            return replace(part, effects=effects, compensator=None if effect == COMPENSATOR else part.compensator)
+
+        return replace(self, parts=tuple(reduced(p) if p.joint == joint else p for p in self.parts))
 
     def simulate(self, time: Array, command: Array, initial: State, hold: Hold = "zero_order") -> Motion:
         """Motion (T, n) of what the sensors read, from `initial`; see `Model.simulate`.
@@ -134,12 +136,7 @@ class StructuredModel(Model):
         """Readings (T, n) and states (T, n, 3) of a free simulation."""
         run = Session(self, time, command, hold, near)
         run.begin(initial.position, initial.velocity)
-        if any(part.compensator is not None for part in self.parts):
-            for k in range(len(time)):
-                run.compensate(k)
-                run.advance(k, min(k + 1, len(time)))
-        else:
-            run.advance(0, len(time))
+        run.advance(0, len(time))
         reading = -run.error
         gone = np.all(run.error == DIVERGED, axis=1)
         reading[gone], run.motion[gone] = np.nan, np.nan
@@ -245,9 +242,7 @@ class StructuredModel(Model):
 
 
 def _network_dict(network: TwoLayerNetwork) -> dict[str, Any]:
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(network).items()
-    }
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(network).items()}
 
 
 def _network(content: Mapping[str, Any]) -> TwoLayerNetwork:
@@ -278,7 +273,11 @@ class Session:
         pieces = self.command[:-1] if hold == "zero_order" else 0.5 * (self.command[:-1] + self.command[1:])
         self.cumulative = np.vstack([np.zeros((1, n)), np.cumsum(pieces, axis=0)])
         self.target = np.zeros((len(time), n)) if target is None else np.ascontiguousarray(target)
-        self.extra = np.zeros((len(time), n)) if any(p.compensator for p in model.parts) else np.zeros((0, n))
+        networks = [part.compensator for part in model.parts]
+        self.extra = np.zeros((len(time) if any(networks) else 0, n))
+        self._advance = model.kernel.module.advance
+        if any(networks):
+            self._advance = partial(compensated(self._advance), pack(networks))
         self.error, self.motion = np.zeros((len(time), n)), np.zeros((len(time), n, 3))
         self.states, self.bristles = np.zeros((n, 7)), np.zeros(n)
 
@@ -294,19 +293,11 @@ class Session:
     def advance(self, first: int, last: int, leak: float = 0.0) -> None:
         """Samples first..last-1; the states end up at sample last."""
         parameters, switches, pair, rigid = self.model.arrays
-        self.model.kernel.module.advance(
+        self._advance(
             first, last, self.time, self.command, self.cumulative, self.hold, self.target, self.near, self.extra,
             self.states, self.bristles, parameters, switches, pair, rigid,
             leak, 0.0, self.model.substeps, self.error, self.motion,
         )  # fmt: skip
-
-    def compensate(self, k: int) -> None:
-        """Torque of the compensators at the present state, held over the next sample."""
-        for j, part in enumerate(self.model.parts):
-            if part.compensator is not None:
-                q, dq = self.states[j, 0], self.states[j, 1]
-                zero = np.zeros(1)
-                self.extra[k, j] = part.compensator(Motion(np.array([q]), np.array([dq]), zero, zero))[0]
 
 
 class StructuredSimulator:
@@ -345,11 +336,7 @@ class StructuredSimulator:
         run.command[first : last + 1] = self.robot.quantise(np.asarray(command, dtype=np.float64))[self._rows]
         for k in range(first, last):
             run.cumulative[k + 1] = run.cumulative[k] + run.command[k]
-            if len(run.extra):
-                run.compensate(k)
-                run.advance(k, k + 1)
-        if not len(run.extra):
-            run.advance(first, last)
+        run.advance(first, last)
         self._at = last
         states, bristles = run.states.copy(), run.bristles.copy()
         run.advance(last, last + 1)  # only to read the sensors there

@@ -1,0 +1,123 @@
+"""Least squares, least squares with a network, and a network alone, on the same logs and by the same yardstick.
+
+Their states at the beginning of a window are the measurement's, smoothed as the method itself smooths. A method that
+cannot work with the logs, or whose simulation diverges, stays in the table with the reason.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from diagnosis.ledger import WINDOW, closed, quantiles, resampled
+from diagnosis.problem import Problem
+from diagnosis.replay import in_blocks, rms
+from diagnosis.result import LedgerRow
+from envs.log import Array, Log
+from methods.base import Method, MethodError, Model
+from methods.differentiation import BandLimited, Signals
+from methods.least_squares import LeastSquares
+from methods.regressor import HORIZONTAL, VERTICAL, ColumnName
+
+BAND = 30.0
+"""Bandwidth of the differentiator [Hz], less for logs of a low rate."""
+SAMPLES = 30_000
+"""Samples of the fitted logs that the networks learn from, about."""
+
+
+def methods(smooth: BandLimited, columns: tuple[ColumnName, ...], samples: int, *, networks: bool) -> dict[str, Method]:
+    """The contestants by their name in the ledger; those with networks only when asked for."""
+    plain = LeastSquares(smooth, columns)
+    found: dict[str, Method] = {"least squares": plain}
+    if networks:
+        from methods.compensated_least_squares import CompensatedLeastSquares
+        from methods.full_batch import FullBatch
+        from methods.network_alone import NetworkAlone
+
+        trainer = FullBatch(iterations=100, every=max(1, 5 * samples // SAMPLES))
+        found["least squares + network"] = CompensatedLeastSquares(plain, trainer=trainer)
+        found["network alone"] = NetworkAlone(smooth, trainer=trainer)
+    return found
+
+
+def rival_rows(
+    fitted: Sequence[Log],
+    held_out: Sequence[Log],
+    problem: Problem,
+    joint: int,
+    scale: tuple[float, float],
+    rng: np.random.Generator,
+    *,
+    constant_load: bool,
+    networks: bool,
+) -> list[LedgerRow]:
+    """One row per contestant for one joint of the held-out problem; scale: (before, noise floor) of the gap."""
+    band = min(BAND, 0.2 / problem.sample_time)
+    smooth = BandLimited(bandwidth=band)
+    logs, unseen = [log.joint(joint) for log in fitted], [log.joint(joint) for log in held_out]
+    columns = VERTICAL if constant_load else HORIZONTAL
+    rows = []
+    for name, method in methods(smooth, columns, sum(map(len, logs)), networks=networks).items():
+        try:
+            fit = method.fit(logs, rng)
+            rows.append(_row(name, fit.model, unseen, smooth, joint, scale, rng))
+        except MethodError as error:
+            rows.append(LedgerRow(joint, name, "rival", None, None, None, note=str(error)))
+    return rows
+
+
+def _row(
+    name: str,
+    model: Model,
+    logs: Sequence[Log],
+    smooth: BandLimited,
+    joint: int,
+    scale: tuple[float, float],
+    rng: np.random.Generator,
+) -> LedgerRow:
+    inverse, windows, whole, seconds, simulated = [], [], [], 0.0, 0
+    for log in logs:
+        signals = smooth.signals(log)
+        command = model.inverse(signals.time, signals.motion, signals.command)
+        inverse.append((signals.command - command)[:, 0])
+        width = max(8, round(WINDOW / log.sample_time))
+        started = clock.perf_counter()
+        windows.append(np.concatenate([_free(model, log, signals, a, b) for a, b in _parts(signals, width)]))
+        seconds += clock.perf_counter() - started
+        simulated += len(windows[-1])
+        whole.append(_free(model, log, signals, 0, len(signals)))
+    error = np.concatenate(windows)
+    lost = not np.all(np.isfinite(error)) or float(np.max(np.abs(error))) > 1e6
+    bounds = np.cumsum([0, *map(len, windows)])
+    blocks = in_blocks(error, bounds, max(8, round(WINDOW / logs[0].sample_time)))
+    rest = np.concatenate(whole)
+    ended = not np.all(np.isfinite(rest))
+    notes = ["diverges in the windows"] * lost + ["diverges over the whole log"] * ended
+    return LedgerRow(
+        joint=joint,
+        step=name,
+        role="rival",
+        inverse_error=rms(np.concatenate(inverse)),
+        window_error=None if lost else rms(error),
+        whole_error=None if ended else rms(rest),
+        interval=None if lost else quantiles(resampled(blocks[None], rng)[0]),
+        closed=None if lost else closed(rms(error), *scale),
+        microseconds=1e6 * seconds / max(simulated, 1),
+        note=", ".join(notes),
+    )
+
+
+def _parts(signals: Signals, width: int) -> list[tuple[int, int]]:
+    edges = [*range(0, len(signals) - width + 1, width)]
+    return list(pairwise([*edges, edges[-1] + width])) if edges else [(0, len(signals))]
+
+
+def _free(model: Model, log: Log, signals: Signals, start: int, stop: int) -> Array:
+    """Reading minus free simulation over samples start..stop-1 of the signals, (N,)."""
+    rows = slice(signals.start + start, signals.start + stop)
+    motion = model.simulate(log.time[rows], log.command[rows], signals.motion.state(start), log.facts[0].hold)
+    error: Array = log.position[rows, 0] - motion.position[:, 0]
+    return error

@@ -35,18 +35,13 @@ SIGNIFICANT = 1e-3
 """p-value below which the remainder counts as dependent on a signal."""
 ALIKE = 15.0
 """Angle [degrees] between two effects below which logs hardly tell them apart."""
+PAIRS = 8
+"""Pairs of effects that are listed by name as not separable."""
 MEANING = {
     "none": "The model is good: what the refitted nominal model leaves is noise, and no known effect would improve it.",
     "named": "Every named effect is significant, and no other known effect can take its place.",
     "ambiguous": "An effect is missing, but these logs cannot tell the listed names apart; the next experiment would.",
     "unknown": "Something real is left that no known effect explains; the signals that it depends on are stated.",
-}
-ROLES = {
-    "as given": "as given",
-    "nominal": "nominal",
-    "effect": "effect",
-    "compensator": "compensator",
-    "rival": "for comparison",
 }
 
 
@@ -106,9 +101,10 @@ def render(diagnosis: Diagnosis) -> str:
         capital=quantities.sentence_case,
         p_value=p_value,
         unbroken=quantities.unbroken,
+        angle=angle,
     )
     environment.globals.update(
-        measured=quantities.measured, scale_for=quantities.scale_for, MEANING=MEANING, ROLES=ROLES, ALIKE=ALIKE
+        measured=quantities.measured, scale_for=quantities.scale_for, MEANING=MEANING, ALIKE=ALIKE, PAIRS=PAIRS
     )
     with report_style():
         joints = tuple(joint_page(diagnosis, joint) for joint in diagnosis.joints)
@@ -249,3 +245,8 @@ def enumerated(items: Sequence[str]) -> str:
 def p_value(p: float) -> str:
     """A p-value; below 1e-12 only that."""
     return "< 10⁻¹²" if p < 1e-12 else quantities.number(p, 2)
+
+
+def angle(degrees: float) -> str:
+    """An angle between two effects; below 0.01 degrees only that."""
+    return "< 0.01°" if degrees < 0.01 else f"{quantities.number(degrees, 2)}°"

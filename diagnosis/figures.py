@@ -188,7 +188,8 @@ def waterfall(rows: Sequence[LedgerRow], gap: Gap, name: str) -> str:
     positive = [e * factor for e in errors if e > 0] + ([floor] if floor > 0 else [])
     logarithmic = max(positive) > DECADES * min(positive)
     origin = 0.55 * min(positive) if logarithmic else 0.0
-    right = max(positive) * (3.0 if logarithmic else 1.18)
+    highest = max(positive + [factor * bar.interval[1] for bar in shown if bar.interval is not None])
+    right = highest * (2.5 if logarithmic else 1.14)
     previous: float | None = None
     for row, bar in enumerate(shown):
         value = bar.error * factor
@@ -273,13 +274,15 @@ def residual_against(series: Sequence[Series], signal: str, signal_unit: str, un
     """Residual of nominal and extended model against a recorded signal, all logs together."""
     figure, axes = panel(NARROW, 2.4, top=LEGEND)
     x = np.concatenate([_recorded(s, signal) for s in series])
+    across, across_unit = scale_for(limits(x), signal_unit)
     step = max(1, len(x) // 900)
     before, after = (np.concatenate([getattr(s, which) for s in series]) for which in ("before", "after"))
     factor, scaled = scale_for(limits(before, after), unit)
     for values, colour, label, _ in models(before, after):
-        dots(axes, x[::step], factor * values[::step], colour, label)
+        dots(axes, across * x[::step], factor * values[::step], colour, label)
     axes.set_ylim(*(factor * v for v in limits(before, after)))
-    axes.set_xlabel(axis_label(QUANTITY.get(signal, signal), signal_unit))
+    axes.set_xlabel(axis_label(QUANTITY.get(signal, signal), across_unit))
+    axes.locator_params(axis="x", nbins=6)
     axes.set_ylabel(axis_label("residual", scaled))
     legend(axes)
     return svg(figure, name, f"Residual of both models against {signal}")
@@ -305,29 +308,37 @@ def partial_residual(data: PartialResidual, name: str, per_torque: float | None 
     curves = [data.before.low, data.before.high, data.after.low, data.after.high, *(law for _, law in data.laws)]
     low, high = limits(*curves, share=0.01)
     factor, unit = scale_for([low, high], data.unit)
-    dots(axes, data.samples[0], factor * data.samples[1], BEFORE if named else AFTER)
+    across, across_unit = scale_for(data.x, data.signal_unit)
+    x, gap = across * data.x, np.zeros(0, dtype=int)
+    if not data.continuous and len(x) > 2:
+        gap = np.flatnonzero(np.diff(x) > 1.5 * np.min(np.diff(x))) + 1
+    broken = lambda values: np.insert(values, gap, np.nan)  # noqa: E731
+    dots(axes, across * data.samples[0], factor * data.samples[1], BEFORE if named else AFTER)
     if named:
         style = "-" if data.continuous else "o"
         middle = factor * data.before.middle
-        axes.plot(data.x, middle, style, color=BEFORE, ms=2.6, lw=1.0, label="without it")
+        axes.plot(x, middle, style, color=BEFORE, ms=2.6, lw=1.0, label="without it")
     if not data.continuous:
-        axes.fill_between(data.x, factor * data.after.low, factor * data.after.high, color=AFTER, alpha=0.18, lw=0)
+        lower, upper = (factor * broken(edge) for edge in (data.after.low, data.after.high))
+        axes.fill_between(broken(x), lower, upper, color=AFTER, alpha=0.18, lw=0)
     label = "with it" if named else "left, median"
-    axes.plot(data.x, factor * data.after.middle, color=AFTER, lw=1.0, label=label)
+    axes.plot(broken(x), factor * broken(data.after.middle), color=AFTER, lw=1.0, label=label)
     for index, (law, values) in enumerate(data.laws):
         own = index == 0
         colour, dashes = (LAW, "-") if own else (RIVALS[(index - 1) % len(RIVALS)], "--")
         text = title(law) if own else f"rival: {title(law)}"
-        axes.plot(data.x, factor * values, dashes, color=colour, lw=1.3, label=text, zorder=4)
+        axes.plot(broken(x), factor * broken(values), dashes, color=colour, lw=1.3, label=text, zorder=4)
     axes.set_ylim(factor * low, factor * high)
     axes.margins(x=0.02)
-    axes.set_xlabel(axis_label(QUANTITY.get(data.signal, data.signal), data.signal_unit))
+    axes.set_xlabel(axis_label(QUANTITY.get(data.signal, data.signal), across_unit))
+    axes.locator_params(axis="x", nbins=10 if wide else 6)
     axes.set_ylabel(axis_label(RESIDUAL[data.kind] if named else "residual", unit))
     legend(axes, 4 if wide else 2)
     if twin_scale is not None:
-        slope = 1.0 / (factor * twin_scale)
+        torque, torque_name = scale_for([low / twin_scale, high / twin_scale], torque_unit)
+        slope = torque / (factor * twin_scale)
         twin = axes.secondary_yaxis("right", functions=(partial(np.multiply, slope), partial(np.multiply, 1 / slope)))
-        twin.set_ylabel(f"({pretty_unit(torque_unit)})")
+        twin.set_ylabel(f"({pretty_unit(torque_name)})")
         twin.spines["right"].set_visible(True)
     return svg(figure, name, f"{sentence_case(title(data.effect or 'remainder'))} against {data.signal}")
 
@@ -366,10 +377,12 @@ def ranking(
 def coverage(series: Sequence[Series], position_unit: str, name: str) -> str:
     """Where the logs have been: velocity against position."""
     figure, axes = panel(NARROW, 2.4)
+    across, across_unit = scale_for([float(np.max(np.abs(s.reading))) for s in series], position_unit)
     for index, s in enumerate(series):
         step = max(1, len(s.time) // 500)
-        dots(axes, s.reading[::step], s.velocity[::step], colour_of(s, index))
-    axes.set_xlabel(axis_label("position", position_unit))
+        dots(axes, across * s.reading[::step], s.velocity[::step], colour_of(s, index))
+    axes.set_xlabel(axis_label("position", across_unit))
+    axes.locator_params(axis="x", nbins=6)
     axes.set_ylabel(axis_label("velocity", f"{position_unit}/s"))
     return svg(figure, name, "Velocity against position of every log")
 

@@ -227,7 +227,7 @@ def adequacy(joint: JointResult) -> list[str]:
         )
     hidden = [quantities.title(row.effect) for row in joint.isolability if row.threshold is None]
     if hidden:
-        said.append(f"Not visible in these logs at any magnitude: {enumerated(hidden)}.")
+        said.append(f"Not visible in these logs: {enumerated(hidden)}.")
     return said
 
 

@@ -356,7 +356,7 @@ def ranking(
         colour = AFTER if hypothesis.name == accepted else colour
         axes.barh(row, max(net, left) - left, left=left, height=0.62, color=colour, zorder=2)
         axes.annotate(
-            number(net), (max(net, left), row), (3, 0), textcoords="offset points", va="center", fontsize=7
+            number(net), (max(net, threshold), row), (3, 0), textcoords="offset points", va="center", fontsize=7
         )
     axes.axvline(threshold, color=BEFORE, lw=0.9, ls="--", zorder=3)
     axes.set_xscale("log")

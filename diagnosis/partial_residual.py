@@ -1,15 +1,9 @@
 """What an effect leaves behind in the logs, as a torque against the signal that tells it: a partial-residual plot.
 
-The prediction error e of a simulation with leak L is turned back into the input-equivalent torque d that the model
-lacks, by the joint's own equation of motion: inertia J, viscous damping b, back-EMF k behind the winding's lag T::
-
-    s = e' + L e                           error of the model's velocity
-    d = J s' + b s + k s / (T p + 1)
-
-Derivatives come from local cubic fits over one window for all curves, so that sums stay sums. With d_off of the model
-whose effect is switched off (all other parameters as finally estimated) and d of the whole model, ``law = d_off - d``
-is the effect's share and ``d_off = law + d`` is what it has to explain. For an error of the sensor the same holds for
-the reading, ``integral of s``.
+The prediction errors of the whole model and of the model whose effect is switched off (all other parameters as finally
+estimated) are turned into the commands d and d_off that explain them (`diagnosis.replay.input_equivalent`). Then
+``law = d_off - d`` is the effect's share, and ``d_off = law + d`` is what it has to explain. For an error of the sensor
+the same holds for the reading: the integral of the velocity error ``e' + L e`` of a simulation with leak L.
 
 Source: R. D. Cook, Exploring partial residual plots, Technometrics 35 (1993).
 """
@@ -21,7 +15,7 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from scipy.signal import detrend, lfilter, savgol_filter
+from scipy.signal import detrend
 
 from diagnosis.engine import Accepted, Finding
 from diagnosis.estimation import Fitted, Point, errors
@@ -29,6 +23,7 @@ from diagnosis.nominal import COLUMN
 from diagnosis.parameters import JointUnits
 from diagnosis.problem import Problem, smooth_derivatives
 from diagnosis.remainder import Remainder
+from diagnosis.replay import input_equivalent
 from diagnosis.result import PartialResidual, Quantiles
 from envs.log import Array
 from methods.effects.base import Effect
@@ -54,27 +49,6 @@ def _signals_left(left: Remainder) -> list[str]:
     return (chosen or ["velocity", "position"])[:SHOWN_DEPENDENCES]
 
 
-def missing_torque(problem: Problem, point: Point, error: Array, joint: int, seconds: float) -> Array:
-    """Input-equivalent driving torque (T,) that explains a prediction error (T, n) of one joint."""
-    out = np.zeros(len(problem.time))
-    dt, leak = problem.sample_time, problem.leak
-    for log, (a, b) in enumerate(pairwise(problem.bounds)):
-        parameters = point.parameters[log, joint]
-        e, de, dde = _derivatives(error[a:b, joint], dt, seconds)
-        velocity = de + leak * e
-        braking = velocity
-        lag = parameters[COLUMN["electrical_time_constant"]]
-        if lag > 0:
-            keep = np.exp(-dt / lag)
-            braking = lfilter([1.0 - keep], [1.0, -keep], velocity)
-        out[a:b] = (
-            parameters[COLUMN["inertia"]] * (dde + leak * de)
-            + parameters[COLUMN["viscous"]] * velocity
-            + parameters[COLUMN["back_emf"]] * braking
-        )
-    return out
-
-
 def missing_reading(problem: Problem, error: Array, joint: int) -> Array:
     """Error of the reading (T,) that explains a prediction error (T, n), up to a straight line in each log."""
     out = np.zeros(len(problem.time))
@@ -82,13 +56,6 @@ def missing_reading(problem: Problem, error: Array, joint: int) -> Array:
         e = error[a:b, joint]
         out[a:b] = detrend(e + problem.leak * problem.sample_time * np.cumsum(e))
     return out
-
-
-def _derivatives(error: Array, dt: float, seconds: float) -> tuple[Array, Array, Array]:
-    window = max(5, 2 * round(0.5 * seconds / dt) + 1)
-    window = min(window, (len(error) - 1) // 2 * 2 - 1)
-    e, de, dde = (savgol_filter(error, window, 3, deriv=d, delta=dt) for d in range(3))
-    return e, de, dde
 
 
 def without_effect(problem: Problem, point: Point, effect: str, joint: int) -> Point:
@@ -110,7 +77,7 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
     def transformed(error: Array, seconds: float) -> Array:
         if kind == "reading":
             return missing_reading(problem, error, joint)
-        torque = missing_torque(problem, final.point, error, joint, seconds)
+        torque = input_equivalent(problem, final.point, error, seconds)[:, joint]
         return -torque if kind == "resistance" else torque
 
     own = share(final, item.name)
@@ -149,7 +116,7 @@ def _kind(effect: Effect) -> Literal["command", "resistance", "reading"]:
 
 def _of_remainder(problem: Problem, final: Fitted, joint: int, signal: str, units: JointUnits) -> PartialResidual:
     """What the final model leaves, against one signal of the log."""
-    left = missing_torque(problem, final.point, final.error, joint, WINDOWS[2])
+    left = input_equivalent(problem, final.point, final.error, WINDOWS[2])[:, joint]
     x, unit = _signal(problem, final.point, joint, signal, units)
     same = Quantiles(left, left, left)
     frame = PartialResidual(

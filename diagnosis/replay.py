@@ -162,15 +162,25 @@ def corrected(state: tuple[Array, Array], shift: Array) -> tuple[Array, Array]:
     return states, bristles
 
 
-def input_equivalent(problem: Problem, point: Point, error: Array) -> Array:
-    """Prediction errors (T, n) as the command that explains them: J (e'' + leak e') + B (e' + leak e), smoothed."""
+def input_equivalent(problem: Problem, point: Point, error: Array, seconds: float = SMOOTHING) -> Array:
+    """Prediction errors (T, n) as the command that has to be added to explain them, smoothed over `seconds`.
+
+    With leak L, inertia J, viscous damping b, back-EMF k and the winding's lag T, the model's velocity errs by
+    ``s = e' + L e`` and lacks ``J s' + b s + k s / (T p + 1)``.
+    """
     result = np.zeros_like(error)
+    dt = problem.sample_time
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
-        e, rate, bend = smooth_derivatives(problem.time[a:b], error[a:b], max(SMOOTHING, 8 * problem.sample_time))
-        p = point.parameters[log]
-        inertia = p[:, NOMINAL.index("inertia")]
-        damping = p[:, NOMINAL.index("viscous")] + p[:, NOMINAL.index("back_emf")]
-        result[a:b] = inertia * (bend + problem.leak * rate) + damping * (rate + problem.leak * e)
+        e, rate, bend = smooth_derivatives(problem.time[a:b], error[a:b], max(seconds, 8 * dt))
+        speed = rate + problem.leak * e
+        for j, p in enumerate(point.parameters[log]):
+            inertia, viscous, back_emf, lag = (
+                p[NOMINAL.index(name)] for name in ("inertia", "viscous", "back_emf", "electrical_time_constant")
+            )
+            keep = np.exp(-dt / lag) if lag > 0 else 0.0
+            braked = lfilter([1.0 - keep], [1.0, -keep], speed[:, j])
+            change = bend[:, j] + problem.leak * rate[:, j]
+            result[a:b, j] = inertia * change + viscous * speed[:, j] + back_emf * braked
     return result
 
 

@@ -21,11 +21,13 @@ from diagnosis.report import render
 from diagnosis.run import diagnose
 from envs.log import Log
 from envs.plant.plant import record
+from envs.plant.sensors import AmplifierNoise
 from envs.robots import find_robot
 
 IMAGES = Path(__file__).parent / "img"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 HIDDEN = ("coulomb_friction=6.9",)
+NOISE = AmplifierNoise(rms=0.005)
 EXCITATIONS = (
     "multisine:amplitude=1.2,band=0.5-8,joints=1",
     "chirp:amplitude=1.2,band=0.6-6,joints=1",
@@ -40,13 +42,13 @@ def logs() -> list[Log]:
     """Two experiments to fit and one to hold out."""
     robot = find_robot("adeptone")
     return [
-        record(robot, HIDDEN, text, duration=20.0, seed=seed, name=f"experiment_{seed + 1}").log
+        record(robot, HIDDEN, text, duration=20.0, seed=seed, noise=NOISE, name=f"experiment_{seed + 1}").log
         for seed, text in enumerate(EXCITATIONS)
     ]
 
 
 def photograph(page: str, target: Path) -> None:
-    """The page as PNG with 256 colours, trimmed below."""
+    """The page as PNG of 256 colours, trimmed below."""
     browser = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if browser is None:
         sys.exit(f"no browser found. Install one of {', '.join(BROWSERS)}")
@@ -60,7 +62,7 @@ def photograph(page: str, target: Path) -> None:
         ink = ImageChops.difference(image, Image.new("RGB", image.size, "white")).getbbox()
         bottom = min(ink[3] + 30, image.height) if ink else image.height
         target.parent.mkdir(exist_ok=True)
-        image.crop((0, 0, image.width, bottom)).quantize(128).save(target, optimize=True)
+        image.crop((0, 0, image.width, bottom)).quantize(256).save(target, optimize=True)
 
 
 def main() -> None:

@@ -11,8 +11,9 @@ from scipy.signal import lsim
 from diagnosis.estimation import Fitted, errors
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.partial_residual import missing_torque, without_effect
+from diagnosis.partial_residual import without_effect
 from diagnosis.problem import Problem, smooth_derivatives, stack
+from diagnosis.replay import input_equivalent
 from envs.log import Log
 from methods.effects import built_in
 from methods.kernel import build
@@ -38,7 +39,7 @@ def test_a_known_torque_comes_back(solved: tuple[Problem, Fitted]) -> None:
 
     braked = errors(problem, [fitted.point], extra=extra)[0]
     change = braked - fitted.error
-    found = missing_torque(problem, fitted.point, change, 0, 0.03)
+    found = input_equivalent(problem, fitted.point, change, 0.03)[:, 0]
     used = problem.used & (problem.time > 1.0)
     slope = np.polyfit(torque[used], found[used], 1)[0]
     assert slope == pytest.approx(1.0, abs=0.05)
@@ -51,7 +52,7 @@ def test_friction_shows_as_a_step_of_its_own_height(solved: tuple[Problem, Fitte
     point = extend(problem, fitted.point, Hypothesis(effect, 0), np.array([[LEVEL]]))
     without = without_effect(problem, point, effect.name, 0)
     share = errors(problem, [without])[0] - errors(problem, [point])[0]
-    law = -missing_torque(problem, fitted.point, share, 0, 0.02)
+    law = -input_equivalent(problem, fitted.point, share, 0.02)[:, 0]
     velocity = smooth_derivatives(problem.time, problem.reading, 0.02)[1][:, 0]
     fast = problem.used & (problem.time > 1.0) & (np.abs(velocity) > 0.4)
     assert np.median(law[fast & (velocity > 0)]) == pytest.approx(LEVEL, rel=0.05)

@@ -23,7 +23,7 @@ def scale_for(values: Iterable[float], unit: str) -> tuple[float, str]:
     largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
     if unit not in PREFIXED or largest == 0.0:
         return 1.0, unit
-    power = min(max(3 * math.floor(math.log10(largest) / 3 + 1e-9), -9), 6)
+    power = min(max(3 * math.floor(math.log10(float(f"{largest:.2e}")) / 3 + 1e-9), -9), 6)
     return 10.0**-power, PREFIXES[power] + unit
 
 

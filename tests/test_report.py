@@ -304,6 +304,7 @@ def test_a_number_is_rounded_by_its_deviation(value: float, std: float, unit: st
 
 def test_numbers_for_people() -> None:
     assert quantity(0.0412, "rad") == "41.2\u00a0mrad"
+    assert quantity(0.99999, "V") == "1.00\u00a0V"
     assert quantity(0.0412, "V s^2/rad") == "0.0412\u00a0V\u00a0s²/rad"
     assert number(999.9) == "1000"
     assert number(1.5e-7, 2) == "1.5 × 10⁻⁷"

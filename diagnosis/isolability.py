@@ -20,7 +20,7 @@ from diagnosis.engine import Finding, Settings
 from diagnosis.estimation import Fitted, Point, errors, finish
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.problem import Problem
-from diagnosis.replay import stretch
+from diagnosis.replay import on_logs, stretch
 from diagnosis.result import Confusable, Isolability
 from envs.log import Array
 from methods.effects.base import Effect, Scales
@@ -62,7 +62,7 @@ def isolability(
     named = {item.name for item in finding.accepted if item.joint == j}
     candidates = [effect for effect in effects if effect.name not in named]
     found = responses(part, base, candidates, j)
-    count = problem.reading.size
+    count = finding.final.samples
     rows: list[Isolability] = []
     pairs: dict[frozenset[str], Confusable] = {}
     best = {r.effect.name: r for r in sorted(found, key=lambda r: r.energy / max(r.share, 1e-12) ** 2)}
@@ -104,9 +104,7 @@ def on_stretch(part: Problem, fitted: Fitted) -> Fitted:
     point = fitted.point
     free = tuple(f for f in point.free if f.log <= 0)
     point = replace(point, parameters=point.parameters[:1], starts=point.starts[:1], free=free)
-    mask = part.used.copy()
-    mask[: int(np.argmax(part.used)) + fitted.whitener.coefficients.shape[1]] = False
-    return finish(part, point, errors(part, [point])[0], replace(fitted.whitener, mask=mask))
+    return finish(part, point, errors(part, [point])[0], on_logs(part, fitted.whitener))
 
 
 def responses(part: Problem, base: Fitted, effects: Sequence[Effect], j: int) -> list[Response]:

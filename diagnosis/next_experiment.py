@@ -18,7 +18,7 @@ from diagnosis.engine import Finding
 from diagnosis.estimation import Fitted, errors, sensitivities
 from diagnosis.isolability import outside
 from diagnosis.problem import Problem
-from diagnosis.replay import stretch, transfer
+from diagnosis.replay import on_logs, stretch, transfer
 from diagnosis.result import NextExperiment
 from envs.excitation import Chirp, Multisine, ScaledExcitation, Steps, TriangularSweep
 
@@ -147,14 +147,12 @@ def on_experiment(part: Problem, fitted: Fitted) -> Fitted:
     """The fit's model and noise on a simulated experiment, whose prediction errors are zero."""
     free = tuple(f for f in fitted.point.free if f.log <= 0)
     point = replace(transfer(part, fitted.point), switches=fitted.point.switches, free=free)
-    mask = part.used.copy()
-    mask[: int(np.argmax(part.used)) + fitted.whitener.coefficients.shape[1]] = False
-    filter_, error = replace(fitted.whitener, mask=mask), errors(part, [point])[0]
+    filter_, error = on_logs(part, fitted.whitener), errors(part, [point])[0]
     jacobian = filter_(sensitivities(part, point, error)) / np.sqrt(fitted.variances[0])
     sizes = np.maximum(np.linalg.norm(jacobian, axis=1), 1e-300)
     scaled = jacobian / sizes[:, None]
     covariance = np.linalg.pinv(scaled @ scaled.T, rcond=1e-14) / np.outer(sizes, sizes)
-    return Fitted(point, error, filter_(error), filter_, covariance, jacobian, 0)
+    return Fitted(point, error, filter_(error), filter_, covariance, jacobian, 0, np.zeros(len(filter_.coefficients)))
 
 
 def separation(part: Problem, one: Fitted, other: Fitted) -> float:

@@ -63,16 +63,22 @@ def transfer(problem: Problem, point: Point) -> Point:
     return replace(point, parameters=parameters, switches=switches, starts=problem.starts.copy(), free=())
 
 
+def on_logs(problem: Problem, filter_: Whitener) -> Whitener:
+    """A whitening filter for other logs than those it was made on: their usable samples, as far apart."""
+    mask = problem.used.copy()
+    for a, b in pairwise(problem.bounds):
+        mask[a : min(b, a + int(np.argmax(problem.used[a:b])) + filter_.coefficients.shape[1])] = False
+        mask[a:b] &= np.arange(b - a) % problem.decimation == 0
+    return Whitener(filter_.coefficients, mask)
+
+
 def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:
     """The point with the phases of periodic disturbances as each of these logs has them; amplitudes stay.
 
     A disturbance has no reason to begin anew with a recording, so its phase is no property of the model. It is the
     regression of the whitened prediction errors of a log on the responses to sine and cosine.
     """
-    mask = problem.used.copy()
-    for a, b in pairwise(problem.bounds):
-        mask[a : min(b, a + int(np.argmax(problem.used[a:b])) + filter_.coefficients.shape[1])] = False
-    whiten = replace(filter_, mask=mask)
+    whiten = on_logs(problem, filter_)
     for effect in problem.kernel.effects:
         if effect.scan != "time":
             continue

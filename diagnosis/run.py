@@ -9,7 +9,7 @@ from __future__ import annotations
 import platform
 import time as clock
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -36,7 +36,7 @@ from diagnosis.preparation import (
     recordings,
     structure,
 )
-from diagnosis.problem import Problem, smooth_derivatives, stack
+from diagnosis.problem import Problem, in_band, smooth_derivatives, stack
 from diagnosis.replay import input_equivalent, replay
 from diagnosis.report import render
 from diagnosis.result import (
@@ -250,6 +250,9 @@ def solve(
     )
     finding = find(problem, structures, effects, settings, lambda text: tell(f"{name}: {text}"))
     found = clock.perf_counter()
+    if finding.band is not None:
+        problem = in_band(problem)
+        held_out = replace(held_out, decimation=problem.decimation)
     given = None
     if read.robot is not None and len(group) == 1:
         given = given_point(finding.nominal, 0, given_numbers(read.robot, group[0], first))

@@ -1,0 +1,517 @@
+"""The diagnosis from files to files: contract, gain, extended model in MuJoCo, ledger, what cannot be used."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import adeptone
+from diagnosis.engine import Settings
+from diagnosis.estimation import errors, fit
+from diagnosis.hypotheses import Hypothesis, extend
+from diagnosis.ledger import closed
+from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.output import to_json
+from diagnosis.parameters import canonical, covariance
+from diagnosis.preparation import (
+    DiagnosisError,
+    Recordings,
+    arrange,
+    given_numbers,
+    groups,
+    is_planar_pair,
+    moving_joints,
+    structure,
+)
+from diagnosis.problem import stack
+from diagnosis.replay import replay, rms, transfer, with_phases
+from diagnosis.result import Diagnosis
+from diagnosis.run import Solved, diagnose, solve
+from envs.adeptone import adeptone as adept_robot
+from envs.excitation import parse
+from envs.log import Array, JointFacts, Log
+from envs.log_files import load, save
+from envs.plant.plant import record
+from methods.base import State
+from methods.effects import built_in
+from methods.kernel import build
+from methods.structured import StructuredJoint, StructuredModel
+from methods.two_layer_network import TWO_SIGNALS, TwoLayerNetwork
+
+DT = 2e-3
+STEP = 1e-5
+NOMINAL = {"inertia": 0.07, "viscous": 0.02, "back_emf": 0.7, "electrical_time_constant": 0.01}
+FRICTION = {"coulomb_friction": {"torque": 0.06}}
+
+
+def model_of(effects: dict[str, dict[str, float]], **others: object) -> StructuredModel:
+    return StructuredModel((StructuredJoint(1, "voltage", NOMINAL, effects, **others),), DT)  # type: ignore[arg-type]
+
+
+def recorded(model: StructuredModel, seed: int, seconds: float = 8.0) -> Log:
+    """A log of the model under a multisine, encoder steps included."""
+    time = DT * np.arange(round(seconds / DT))
+    rng = np.random.default_rng(seed)
+    joints = model.joints
+    command = np.column_stack(
+        [parse("multisine:amplitude=1.5,band=0.3-12,period=4,joints=1").sample(time, rng)[:, 0] for _ in joints]
+    )
+    position = model.simulate(time, command, State.at_rest(np.zeros(len(joints)))).position
+    return Log(
+        time=time,
+        command=command,
+        position=STEP * np.round(position / STEP),
+        joints=joints,
+        facts=tuple(JointFacts(encoder_step=STEP) for _ in joints),
+        name=f"log_{seed}",
+    )
+
+
+def read_of(model: StructuredModel) -> Recordings:
+    return arrange([recorded(model, 1), recorded(model, 2)], [recorded(model, 3)], None)
+
+
+def effects_of(*names: str) -> list:
+    return [effect for effect in built_in() if effect.name in names]
+
+
+def solved_of(read: Recordings, *names: str) -> Solved:
+    return solve(read, (1,), effects_of(*names), Settings(limit=1), lambda text: None, {})
+
+
+@pytest.fixture(scope="module")
+def with_friction() -> tuple[Recordings, Diagnosis, StructuredModel, object]:
+    read = read_of(model_of(FRICTION))
+    return read, *diagnose(read, effects=effects_of("coulomb_friction", "dead_zone", "cable_spring"))
+
+
+# ------------------------------------------------------------------------------------------------------ files to files
+
+
+def run(*arguments: str, monkeypatch: pytest.MonkeyPatch) -> int:
+    monkeypatch.setattr(sys, "argv", ["adeptone", *arguments])
+    with pytest.raises(SystemExit) as caught:
+        adeptone.main()
+    return int(caught.value.code or 0)
+
+
+@pytest.fixture(scope="module")
+def plant_logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Joint 1 of the plant with 7 N m of Coulomb friction, written as files."""
+    folder = tmp_path_factory.mktemp("logs")
+    paths = []
+    for seed in range(3):
+        recording = record(
+            adept_robot(),
+            ["coulomb_friction=7"],
+            "multisine:amplitude=0.9,band=0.3-10,period=6",
+            duration=6.0,
+            rate=500.0,
+            seed=seed,
+            name=f"log_{seed}",
+        )
+        paths.append(recording.save(folder / f"log_{seed}.csv"))
+    return paths
+
+
+def test_command_line_keeps_the_contract(
+    plant_logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "deep" / "result"
+    train, holdout = [str(path) for path in plant_logs[:2]], str(plant_logs[2])
+    assert run("diagnose", *train, "--holdout", holdout, "--out", str(out), monkeypatch=monkeypatch) == 0
+    assert {path.name for path in out.iterdir()} == {
+        "diagnosis.json",
+        "report.html",
+        "extended_model.json",
+        "extended_model.xml",
+    }
+    found = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+    assert set(found) >= {
+        "verdict", "effects", "gap", "ledger", "remainder", "next_experiment", "provenance", "isolability",
+    }  # fmt: skip
+    assert found["verdict"] in ("none", "named", "ambiguous", "unknown")
+    named = {effect["name"]: effect for effect in found["effects"]}
+    assert "coulomb_friction" in named
+    torque = named["coulomb_friction"]["parameters"]["torque"]
+    assert torque["unit"] == "N m"
+    assert torque["value"] == pytest.approx(7.0, rel=0.02)
+    equivalent = torque["input_equivalent"]
+    assert equivalent["unit"] == "V"
+    assert equivalent["value"] == pytest.approx(torque["value"] * adept_robot().input_equivalent(1), rel=1e-9)
+    gap = found["gap"]
+    assert gap["on"] == "held-out"
+    assert gap["after"] < 0.1 * gap["before"]
+    assert gap["interval"][0] <= gap["closed"] <= gap["interval"][1]
+    assert [row["step"] for row in found["ledger"]][:2] == ["nominal as given", "refit nominal parameters"]
+    assert found["provenance"]["logs"][0]["sha256"] == load(plant_logs[0]).content_hash
+    printed = capsys.readouterr().out
+    assert " ".join(printed.split()).startswith(found["sentence"])
+    mujoco.MjModel.from_xml_path(str(out / "extended_model.xml"))
+    StructuredModel.from_json((out / "extended_model.json").read_text())
+
+
+def test_unusable_input_is_one_line_and_nothing_is_written(
+    plant_logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, other = str(plant_logs[0]), str(plant_logs[1])
+    taken = tmp_path / "file"
+    taken.write_text("mine")
+    cases = [
+        ([str(tmp_path / "none.csv")], "there is no such file"),
+        ([log, "--holdout", log], "is also fitted"),
+        ([log, "--holdout", other, "--joint", "3"], "not joint 3"),
+        ([log, "--holdout", other, "--robot", "emsp"], "did you mean emps"),
+    ]
+    for arguments, complaint in cases:
+        assert run("diagnose", *arguments, "--out", str(tmp_path / "out"), monkeypatch=monkeypatch) == 2
+        error = capsys.readouterr().err
+        assert complaint in error
+        assert error.strip().count("\n") == 0
+    assert run("diagnose", log, "--out", str(taken), monkeypatch=monkeypatch) == 2
+    assert taken.read_text() == "mine"
+    assert list(tmp_path.iterdir()) == [taken]
+
+
+def test_a_quarter_is_kept_apart_without_held_out_logs() -> None:
+    logs = [recorded(model_of({}), seed) for seed in (1, 2)]
+    read = arrange(logs, [], None)
+    assert [len(log) for log in read.fitted] == [3000, 3000]
+    assert [len(log) for log in read.held_out] == [1000, 1000]
+    assert "quarter" in read.on
+    assert any("kept apart" in finding for finding in read.findings)
+    with pytest.raises(DiagnosisError, match="cannot be divided"):
+        arrange([logs[0].slice(0, 300)], [], None)
+
+
+# -------------------------------------------------------------------------------------------------------------- joints
+
+
+def test_held_joints_are_skipped_and_said() -> None:
+    log = recorded(model_of({}), 1)
+    two = replace(
+        log,
+        joints=(1, 2),
+        command=np.hstack([log.command, log.command]),
+        position=np.hstack([log.position, 0.3 + 0.0 * log.position]),
+        facts=log.facts * 2,
+    )
+    said: list[str] = []
+    assert moving_joints([two], None, said) == (1,)
+    assert said == ["joint 2 is held still in log_1 and is skipped"]
+
+
+def test_planar_pair_is_recognised_in_the_logs() -> None:
+    second = StructuredJoint(2, "voltage", {"inertia": 0.02, "viscous": 0.01, "back_emf": 0.4}, {})
+    first = StructuredJoint(1, "voltage", {**NOMINAL, "electrical_time_constant": 0.0}, {})
+    pair = recorded(StructuredModel((first, second), DT, (0.025, 1.2)), 1)
+    apart = recorded(StructuredModel((first, second), DT), 1)
+    assert is_planar_pair(pair, 1, 2)
+    assert not is_planar_pair(apart, 1, 2)
+    assert groups([pair], (1, 2), None) == [(1, 2)]
+    assert groups([apart], (1, 2), None) == [(1,), (2,)]
+    assert groups([apart], (1, 2), adept_robot()) == [(1, 2)]
+
+
+def test_what_the_robot_says_of_a_joint() -> None:
+    log = recorded(model_of({}), 1)
+    robot = adept_robot()
+    drive = robot.joint(1).drive
+    known = structure(log, 1, robot)
+    assert (known.input, known.gravity, known.electrical) == ("voltage", "none", True)
+    assert known.electrical_time_constant == pytest.approx(drive.inductance.value / drive.resistance.value)
+    assert structure(replace(log, joints=(3,)), 3, robot).gravity == "constant"
+    numbers = given_numbers(robot, 1, log)
+    # u = k q' at constant speed without friction: back-EMF over the amplifier's gain
+    assert numbers["back_emf"] == pytest.approx(drive.torque_constant / drive.amplifier_gain.value)
+    unknown = structure(log, 1, None)
+    assert (unknown.gravity, unknown.torque_limit) == ("none", 0.0)
+
+
+# ---------------------------------------------------------------------------------------------------------------- gain
+
+
+def test_ledger_shows_the_gain(with_friction: tuple) -> None:
+    _, diagnosis, _, _ = with_friction
+    assert [effect.name for effect in diagnosis.effects] == ["coulomb_friction"]
+    rows = {row.step: row for row in diagnosis.ledger}
+    before, after = rows["refit nominal parameters"], rows["+ coulomb_friction"]
+    assert after.window_error < 0.02 * before.window_error
+    assert after.inverse_error < 0.2 * before.inverse_error
+    assert after.interval[0] <= after.window_error <= after.interval[1]
+    assert before.closed == 0.0
+    assert after.closed > 0.98
+    assert rows["+ compensator"].note
+    assert rows["least squares"].window_error > 10 * after.window_error
+    assert 0.0 < after.microseconds < 1000.0
+    gap = diagnosis.gaps[0]
+    # nothing but the encoder's steps is left: the floor is of their size
+    assert 0.1 * STEP < gap.noise_floor < 10 * STEP
+    assert gap.after < 5 * gap.noise_floor
+
+
+def test_effect_and_misattribution(with_friction: tuple) -> None:
+    _, diagnosis, _, _ = with_friction
+    torque = diagnosis.effects[0].parameters[0]
+    assert torque.input_equivalent.unit == torque.physical.unit == "V"
+    assert abs(torque.physical.value - 0.06) < max(5 * torque.physical.std, 1e-4)
+    damping = next(p for p in diagnosis.joints[0].nominal if p.name == "damping")
+    # friction left out has been taken for damping, which is too high then
+    assert damping.shift > 0.01
+    assert damping.final.value == pytest.approx(0.72, rel=0.01)
+
+
+def test_json_has_no_numbers_that_json_lacks(with_friction: tuple) -> None:
+    _, diagnosis, _, _ = with_friction
+    text = to_json(diagnosis)
+    assert "NaN" not in text
+    assert "Infinity" not in text
+    assert json.loads(text)["effects"][0]["evidence"]["net"] > 12.0
+
+
+def test_share_of_the_gap() -> None:
+    assert closed(1.0, 5.0, 1.0) == 1.0
+    assert closed(3.0, 5.0, 1.0) == 0.5
+    assert closed(1.0, 1.02, 1.0) is None
+
+
+def test_phase_of_a_disturbance_is_that_of_the_held_out_log() -> None:
+    def disturbed(phase: float) -> StructuredModel:
+        values = {"sine": 0.1 * np.cos(phase), "cosine": 0.1 * np.sin(phase), "frequency": 2.3}
+        return model_of({"periodic_disturbance": values})
+
+    (effect,) = effects_of("periodic_disturbance")
+    kernel = build(built_in())
+    problem = stack(kernel, [recorded(disturbed(0.4), 1)], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    point = extend(problem, nominal.point, Hypothesis(effect, 0), np.array([[0.08, 0.03, 2.3]]))
+    final = fit(problem, point)
+    shifted = stack(kernel, [recorded(disturbed(2.4), 5)], (1,))
+    plain = transfer(shifted, final.point)
+    right = with_phases(shifted, plain, final.whitener)
+    assert rms(replay(shifted, right).windows) < 0.02 * rms(replay(shifted, plain).windows)
+
+
+# ------------------------------------------------------------------------------------------ parameters and their spread
+
+
+def test_canonical_parameters() -> None:
+    known = {effect.name: effect for effect in built_in()}
+    wave = canonical(known["gravity_tilt"]).change({"sine": 0.3, "cosine": 0.4})
+    angle = np.linspace(0.0, 6.0, 50)
+    np.testing.assert_allclose(
+        wave["torque"] * np.sin(angle + wave["phase"]), 0.3 * np.sin(angle) + 0.4 * np.cos(angle), atol=1e-12
+    )
+    static = canonical(known["stribeck_friction"]).change({"torque": 0.3, "excess": 0.2, "velocity": 0.1})
+    assert static["static_torque"] == pytest.approx(0.5)
+    spring = canonical(known["cable_spring"]).change({"stiffness": 0.5, "pull": 0.1})
+    assert spring["rest_angle"] == pytest.approx(0.2)
+
+
+def test_standard_deviations_hold() -> None:
+    """Coulomb friction from logs with coloured, unlogged noise scatters as its standard deviation says."""
+    (effect,) = effects_of("coulomb_friction")
+    kernel = build(built_in())
+    log = recorded(model_of(FRICTION), 1)
+    problem = stack(kernel, [log], (1,))
+    nominal = fit_nominal(problem, (JointStructure(viscous_share=0.02 / 0.72),))
+    truth = fit(problem, extend(problem, nominal.point, Hypothesis(effect, 0), np.array([[0.06]]))).point
+    decay = np.exp(-DT / 0.02)
+    deviations = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        noise = 0.005 * lfilter([np.sqrt(1 - decay**2)], [1.0, -decay], rng.standard_normal(len(log)))
+        silent = replace(problem, reading=np.zeros_like(problem.reading))
+        position = -errors(silent, [truth], extra=noise[None, :, None], leak=False)[0]
+        noisy = replace(problem, reading=STEP * np.round(position / STEP))
+        final = fit(noisy, truth)
+        place = [f.name for f in final.point.free].index("coulomb_friction.torque@0")
+        spread = np.sqrt(covariance(final)[place, place])
+        deviations.append((final.point.vector[place] - truth.vector[place]) / spread)
+    assert 0.3 < np.sqrt(np.mean(np.square(deviations))) < 2.0
+
+
+# ------------------------------------------------------------------------------------------------------ extended model
+
+
+def excitation(samples: int) -> tuple[Array, Array]:
+    time = DT * np.arange(samples)
+    command = 1.2 * np.sin(2 * np.pi * 0.7 * time) + 0.7 * np.sin(2 * np.pi * 3 * time + 1)
+    return time, command[:, None]
+
+
+IN_MUJOCO = {
+    "coulomb_friction": {"torque": 0.1},
+    "stribeck_friction": {"torque": 0.1, "excess": 0.05, "velocity": 0.2, "exponent": 2.0},
+    "presliding_friction": {"torque": 0.1, "compliance": 0.005, "damping_ratio": 0.1},
+    "quadratic_drag": {"coefficient": 0.05},
+    "cable_spring": {"stiffness": 0.3, "pull": 0.1},
+    "gravity_tilt": {"sine": 0.1, "cosine": 0.2},
+    "cogging_torque": {"sine": 0.1, "cosine": 0.1, "cycles_per_rev": 12.0},
+    "amplifier_offset": {"voltage": 0.1},
+    "voltage_saturation": {"voltage": 1.0},
+    "input_delay": {"delay": 0.0043},
+    "joint_flexibility": {"compliance": 0.2, "damping": 0.02, "inertia_ratio": 0.5},
+}
+
+
+@pytest.mark.parametrize("name", ["nothing", *IN_MUJOCO])
+def test_mujoco_follows_the_extended_model(name: str) -> None:
+    from diagnosis.mjcf_export import export, reproduction
+
+    model = model_of({} if name == "nothing" else {name: IN_MUJOCO[name]})
+    time, command = excitation(1000)
+    exported = export(model, [0.008], ["shoulder"])
+    assert exported.missing == ()
+    difference = reproduction(model, exported, ["shoulder"], command)[0]
+    start = State.at_rest(0.0)
+    effect = rms(
+        model.simulate(time, command, start).position - model.without(1, name).simulate(time, command, start).position
+    )
+    assert difference < 5e-5 + 0.02 * effect
+
+
+def test_mujoco_follows_a_planar_pair() -> None:
+    from diagnosis.mjcf_export import export, reproduction
+
+    second = StructuredJoint(2, "voltage", {"inertia": 0.03, "viscous": 0.02, "back_emf": 0.3}, {})
+    first = StructuredJoint(1, "voltage", {"inertia": 0.04, "viscous": 0.02, "back_emf": 0.7}, {})
+    pair = StructuredModel((first, second), DT, (0.01, 1.5))
+    _, command = excitation(1000)
+    exported = export(pair, [0.008, None], ["a", "b"])
+    assert np.max(reproduction(pair, exported, ["a", "b"], np.hstack([command, -0.5 * command]))) < 1e-5
+
+
+def test_what_mujoco_lacks_is_listed_with_its_cost() -> None:
+    read = read_of(model_of({"dead_zone": {"voltage": 0.15}}))
+    diagnosis, _, twin = diagnose(read, effects=effects_of("dead_zone"))
+    (item,) = diagnosis.missing_in_mujoco
+    assert (item["effect"], item["joint"]) == ("dead_zone", 1)
+    assert item["error_without"] > 20 * item["error_with"]
+    assert twin.difference[1] < 1e-4  # type: ignore[attr-defined]
+
+
+def test_model_travels_as_json() -> None:
+    network = TwoLayerNetwork(
+        TWO_SIGNALS, np.eye(2), np.array([0.1, -0.2]), np.array([0.3, 0.4]), -0.35, np.zeros(2), np.ones(2)
+    )
+    model = model_of(FRICTION, compensator=network)
+    again = StructuredModel.from_json(model.to_json())
+    assert again.to_json() == model.to_json()
+    time, command = excitation(500)
+    start = State.at_rest(0.2)
+    np.testing.assert_array_equal(
+        again.simulate(time, command, start).position, model.simulate(time, command, start).position
+    )
+    assert not np.allclose(
+        model.without(1, "compensator").simulate(time, command, start).position,
+        model.simulate(time, command, start).position,
+    )
+
+
+def test_inverse_undoes_the_simulation() -> None:
+    model = model_of({**FRICTION, "input_delay": {"delay": 0.003}, "cable_spring": {"stiffness": 0.4, "pull": 0.1}})
+    time, command = excitation(3000)
+    motion = model.simulate(time, command, State.at_rest(0.0), "first_order")
+    error = model.inverse(time, motion) - command
+    assert rms(error[200:-200]) < 0.02 * rms(command)
+
+
+def test_extended_model_runs_in_the_environment(with_friction: tuple) -> None:
+    import gymnasium
+
+    import envs  # noqa: F401  registers the environment
+    from methods.structured import StructuredSimulator
+
+    robot = adept_robot()
+    model = replace(with_friction[2], sample_time=1e-3)
+    simulator = StructuredSimulator(model, robot)
+    assert simulator.held == (2, 3, 4)
+    commands = robot.quantise(np.column_stack([np.sin(0.01 * np.arange(5000)), *np.zeros((3, 5000))]))
+    simulator.reset(np.zeros(4), np.random.default_rng(0))
+    stepped = np.array([simulator.step(command)[0] for command in commands])
+    whole = model.simulate(1e-3 * np.arange(5001), np.vstack([commands[:, :1], [[0.0]]]), State.at_rest(0.0)).position
+    np.testing.assert_allclose(stepped, whole[1:, 0], atol=robot.facts(1).encoder_step)
+    environment = gymnasium.make("AdeptOne-v0", simulator=simulator)
+    observation, _ = environment.reset(seed=1)
+    assert observation.shape == (3,)
+    assert np.isfinite(environment.step(environment.action_space.sample())[1])
+
+
+# ------------------------------------------------------------------------------------- what the data can and cannot say
+
+
+def test_isolability_and_next_experiment(with_friction: tuple) -> None:
+    from diagnosis.isolability import isolability
+    from diagnosis.next_experiment import next_experiment, seen
+
+    read = with_friction[0]
+    solved = solved_of(read, "coulomb_friction")
+    wanted = effects_of("input_delay", "amplifier_lag", "cable_spring", "dead_zone")
+    rows, _ = isolability(solved.problem, solved.finding, 0, 1, wanted, Settings())
+    by_name = {row.effect: row for row in rows}
+    assert by_name["input_delay"].nearest == "amplifier_lag"
+    assert all(0.0 < row.share < 0.1 for row in rows)
+    # a noisier encoder raises every threshold
+    rng = np.random.default_rng(0)
+    noisy = [
+        replace(log, position=log.position + 20 * STEP * rng.standard_normal(log.position.shape)) for log in read.fitted
+    ]
+    louder = solved_of(replace(read, fitted=tuple(noisy)), "coulomb_friction")
+    again, _ = isolability(louder.problem, louder.finding, 0, 1, wanted, Settings())
+    assert all(loud.share > 3 * quiet.share for loud, quiet in zip(again, rows, strict=True))
+    proposal = next_experiment(solved.problem, solved.finding, 0, 1, None)
+    if proposal is not None:
+        assert proposal.factor > 1.0
+        amplitude = parse(proposal.excitation).amplitude
+        assert 0.0 < amplitude <= 1.01 * seen(solved.problem, 0).command
+
+
+def test_compensator_has_to_earn_its_place(with_friction: tuple) -> None:
+    from diagnosis.compensator import compensators
+
+    rng = np.random.default_rng(0)
+    read = with_friction[0]
+    quiet = solved_of(read, "coulomb_friction")
+    networks, reason = compensators(read.fitted, quiet.problem, quiet.finding, (1,), rng)
+    assert networks == (None,)
+    assert reason
+    bump = TwoLayerNetwork(
+        TWO_SIGNALS, np.array([[30.0, 0.0], [30.0, 0.0]]), np.array([-1.0, 1.0]), np.array([0.3, -0.3]), 0.0,
+        np.zeros(2), np.ones(2),
+    )  # fmt: skip
+    foreign = read_of(model_of({}, compensator=bump))
+    solved = solved_of(foreign, "dead_zone")
+    steps = {step.role: step for step in solved.ledger}
+    assert solved.finding.verdict == "unknown"
+    assert rms(steps["compensator"].replay.windows) < 0.5 * rms(steps["nominal"].replay.windows)
+
+
+def test_rivals_that_fail_stay_in_the_table() -> None:
+    from diagnosis.rivals import rival_rows
+
+    read = read_of(model_of({}))
+    problem = stack(solved_of(read, "dead_zone").problem.kernel, read.held_out, (1,))
+    arguments = {"constant_load": False, "networks": False}
+    rng = np.random.default_rng(0)
+    (row,) = rival_rows(read.fitted, read.held_out, problem, 1, (1.0, 0.0), rng, **arguments)
+    # the joint is linear: least squares with the jerk's column describes it
+    assert row.window_error < 1e-3
+    short = [log.slice(0, 60) for log in read.fitted]
+    (row,) = rival_rows(short, read.held_out, problem, 1, (1.0, 0.0), rng, **arguments)
+    assert row.window_error is None
+    assert "too few" in row.note
+    assert row.step == "least squares"
+
+
+def test_saved_logs_give_the_same_diagnosis(tmp_path: Path, with_friction: tuple) -> None:
+    read = with_friction[0]
+    path = save(read.fitted[0], tmp_path / "log.csv")
+    assert load(path).content_hash == read.fitted[0].content_hash

@@ -24,6 +24,7 @@ class Settings:
 
     threshold: least evidence of an effect. material: least effect of its torque, as a share of the command's rms.
     rival: evidence within which two explanations cannot be told apart. limit: largest number of effects.
+    credible: number of effects per joint above which they are taken for patchwork around something unknown.
     minor: share of all that was explained below which a further effect is taken for an inexact law of another.
     doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`.
     """
@@ -32,6 +33,7 @@ class Settings:
     material: float = 2e-4
     rival: float = 6.0
     limit: int = 4
+    credible: int = 3
     minor: float = 0.01
     doubtful: float = 0.15
     unexplained: float = 0.03
@@ -142,6 +144,11 @@ def select(
         if chosen is None:
             refused = ranking(ranked)
             break
+        polished = fit(problem, chosen.scored.fitted.point, rounds=2, iterations=12)
+        if polished.criterion < chosen.scored.fitted.criterion:
+            chosen = replace(
+                chosen, scored=replace(chosen.scored, fitted=polished, decrease=base.criterion - polished.criterion)
+            )
         accepted.append(chosen)
         present.add((chosen.name, chosen.joint))
         for included in chosen.scored.start.hypothesis.effect.includes:
@@ -193,7 +200,7 @@ def prune(
     changed = len(accepted) > 1
     while changed:
         changed = False
-        for item in accepted[:-1]:
+        for item in accepted:
             if wald(base, item) > 20.0 * (item.scored.price + settings.threshold):
                 continue
             smaller = without(problem, base, item)
@@ -304,6 +311,8 @@ def verdict(
     explained = nominal.criterion - final.criterion
     excess = sum(r.excess for r in left)
     if excess > max(settings.unexplained * explained, 20.0):
+        return "unknown"
+    if len(accepted) > settings.credible * len(left):
         return "unknown"
     if any(item.rivals for item in accepted):
         return "ambiguous"

@@ -150,6 +150,8 @@ class Fitted:
     covariance: Array
     jacobian: Array
     iterations: int
+    floor: Array
+    credible: bool = True
 
     @property
     def samples(self) -> int:
@@ -162,9 +164,17 @@ class Fitted:
 
     @property
     def criterion(self) -> float:
-        """-2 log likelihood up to a constant: sum over joints of N ln(mean square innovation)."""
+        """-2 log likelihood up to a constant: sum over joints of N ln(mean square innovation + floor)."""
+        if not self.credible:
+            return np.inf
         count = self.samples // len(self.variances)
-        return float(count * np.sum(np.log(self.variances)))
+        return float(count * np.sum(np.log(self.variances + self.floor)))
+
+    @property
+    def total(self) -> float:
+        """Sum of squares of the innovations, each over its joint's rms, with the floor added."""
+        count = self.samples // len(self.variances)
+        return float(count * np.sum(1.0 + self.floor / np.maximum(self.variances, 1e-300)))
 
     def standard_error(self, name: str) -> float:
         i = [f.name for f in self.point.free].index(name)
@@ -233,18 +243,22 @@ def fit(
             jacobian = filter_(sensitivities(problem, point, error)) * scale
             gram = jacobian @ jacobian.T
             gradient = jacobian @ (innovation * scale)
+            if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(gradient)) and np.max(np.diag(gram)) > 0.0):
+                break
             diagonal = np.maximum(np.diag(gram), 1e-30 * max(np.max(np.diag(gram)), 1e-300))
+            root = np.sqrt(diagonal)
             count += 1
             trials = []
             for factor in (damping * 0.1, damping * 100.0):
                 matrix = gram + factor * np.diag(diagonal)
-                step = np.linalg.lstsq(
-                    matrix / np.sqrt(np.outer(diagonal, diagonal)), -gradient / np.sqrt(diagonal), rcond=1e-13
-                )[0]
-                vector = np.clip(point.vector + step / np.sqrt(diagonal), lower, upper)
+                step = np.linalg.lstsq(matrix / np.outer(root, root), -gradient / root, rcond=1e-13)[0]
+                vector = np.clip(point.vector + step / root, lower, upper)
                 trials.append((factor, point.at(vector)))
             outcomes = errors(problem, [trial for _, trial in trials])
-            costs = [float(np.sum((filter_(outcome) * scale) ** 2)) for outcome in outcomes]
+            costs = [
+                float(np.sum((filter_(outcome) * scale) ** 2)) if problem.credible(outcome) else np.inf
+                for outcome in outcomes
+            ]
             best = int(np.argmin(costs))
             if not costs[best] < base:
                 if damping >= 1e3:
@@ -268,7 +282,25 @@ def finish(problem: Problem, point: Point, error: Array, filter_: Whitener, coun
     gram = jacobian @ jacobian.T
     diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     covariance = np.linalg.pinv(gram / np.outer(diagonal, diagonal), rcond=1e-14) / np.outer(diagonal, diagonal)
-    return Fitted(point, error, innovation, filter_, covariance, jacobian, count)
+    return Fitted(
+        point,
+        error,
+        innovation,
+        filter_,
+        covariance,
+        jacobian,
+        count,
+        rounding_floor(problem, filter_),
+        problem.credible(error),
+    )
+
+
+def rounding_floor(problem: Problem, filter_: Whitener) -> Array:
+    """A quarter of the variance that white rounding of the encoder would have behind the filter, per joint (n,).
+
+    A joint that rests within one step of its encoder is predicted perfectly; such samples must not count as evidence.
+    """
+    return np.asarray(0.25 * problem.encoder_step**2 / 12.0 * np.sum(filter_.coefficients**2, axis=1))
 
 
 def project(basis: Array, target: Array) -> tuple[Array, float]:

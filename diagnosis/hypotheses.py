@@ -102,14 +102,17 @@ def _regress(
     problem: Problem, base: Fitted, residual: Array, noise: Array, hypothesis: Hypothesis, values: Array, searched: int
 ) -> Start:
     effect = hypothesis.effect
-    total = float(residual @ residual)
+    total = base.total
     count = residual.size
     gain = lambda decrease: -count * np.log(max(1.0 - decrease / total, 1e-12))  # noqa: E731
     if not effect.amplitudes:
         trial = extend(problem, base.point, hypothesis, values)
-        whitened = base.whitener(errors(problem, [trial])[0]) * noise
+        error = errors(problem, [trial])[0]
+        if not problem.credible(error):
+            return Start(hypothesis, values, -np.inf, searched)
+        whitened = base.whitener(error) * noise
         _, decrease = project(base.jacobian, whitened)
-        return Start(hypothesis, values, gain(total - float(whitened @ whitened) + decrease), searched)
+        return Start(hypothesis, values, gain(float(residual @ residual - whitened @ whitened) + decrease), searched)
     trials, slots = [], []
     for a in effect.amplitudes:
         logs = list(range(problem.logs)) if a in PER_LOG.get(effect.name, ()) else [hypothesis.log]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -134,6 +134,19 @@ def _start_pair(problem: Problem, parameters: Array, rigid: Array, free: list[Fr
 
 
 def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
+    """Fit of the nominal model. A drive's stated torque limit takes part only where the logs show that it acts."""
+    free_running = tuple(replace(s, torque_limit=0.0) for s in structures)
+    best = _fit_nominal(problem, free_running)
+    if any(s.torque_limit > 0.0 for s in structures):
+        largest = np.max(np.abs(problem.command), axis=0)
+        if any(0.0 < s.torque_limit < largest[j] for j, s in enumerate(structures)):
+            limited = _fit_nominal(problem, structures)
+            if limited.criterion < best.criterion:
+                return limited
+    return best
+
+
+def _fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
     """Fit of the nominal model; the winding's lag takes part only where the logs show it."""
     wanted = tuple(s.input == "voltage" and s.electrical for s in structures)
     best = fit(problem, point_at(problem, structures, wanted), rounds=3, iterations=12)

@@ -18,6 +18,7 @@ from methods.effects.base import Scales
 from methods.kernel import NOMINAL, Kernel
 
 SEGMENT = 60_000  # samples of one segment of a long recording
+DIVERGED = 1e6  # prediction error [rad or m] that stands for a simulation that left all bounds
 LIMIT = 240_000  # samples that take part in a fit
 
 
@@ -98,6 +99,10 @@ class Problem:
                 total[start + 1 : stop, j] = np.cumsum(step)
         return total
 
+    def credible(self, error: Array) -> bool:
+        """False for a simulation that ran away: a constant, absurd error would be predicted perfectly."""
+        return bool(np.max(np.abs(error)) < min(DIVERGED, 20.0 * float(np.max(np.ptp(self.reading, axis=0)))))
+
     def errors(
         self,
         parameters: Array,
@@ -129,6 +134,9 @@ class Problem:
             substeps or self.substeps,
             out,
         )
+        if not np.isfinite(out.sum()):  # a candidate that diverged is as wrong as can be, not undefined
+            np.nan_to_num(out, copy=False, nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED)
+            np.clip(out, -DIVERGED, DIVERGED, out=out)
         return out
 
 

@@ -101,7 +101,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     groups = signals(problem, fitted, joint)
     noise = weights(fitted.innovation, problem.joints)
     residual = fitted.innovation * noise
-    total, count = float(residual @ residual), residual.size // problem.joints
+    total, count = fitted.total, residual.size // problem.joints
     size = 1e-3 * float(np.std(problem.command[:, joint]))
     responses: dict[str, Array] = {}
     for name, functions in groups.items():

@@ -14,10 +14,10 @@ EFFECT = Effect(
     slot="structure",
     parameters=(
         EffectParameter("resistance_rise", "ratio", "relative rise reached in the end at the mean square current"),
-        EffectParameter("time_constant", "time", "thermal time constant", lower=1e-3),
+        EffectParameter("time_constant", "time", "thermal time constant", lower=1.0),
     ),
     equation=r"R = R_0(1+\vartheta),\ T\dot\vartheta = r\,i^2/\overline{i^2} - \vartheta",
     variable="elapsed time",
     source="Hughes and Drury",
-    starts=lambda s: [(0.02, fraction * s.duration) for fraction in (0.03, 0.1, 0.3, 1.0, 4.0)],
+    starts=lambda s: [(0.02, fraction * s.duration) for fraction in (0.05, 0.1, 0.3, 1.0, 4.0)],
 )

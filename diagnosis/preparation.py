@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.problem import Problem, smooth_derivatives
-from diagnosis.replay import stretch
+from diagnosis.nominal import JointStructure
+from diagnosis.problem import smooth_derivatives
 from envs.compatibility import check_together, with_robot
 from envs.log import Array, Log, LogError
 from envs.log_files import load_with_findings
@@ -24,8 +23,6 @@ KEPT_APART = 0.25
 """Share of each log that is kept apart for the gain when no held-out log is given."""
 PLANAR = 0.7
 """Share of the squared residual that the coupling of a planar pair has to leave at most."""
-TRIED = 10.0
-"""Length of the stretch on which a stated torque limit is tested [s]."""
 SHORTEST = 400
 """Samples below which a log is not divided."""
 
@@ -173,19 +170,6 @@ def is_planar_pair(log: Log, first: int, second: int) -> bool:
         if solution[-1] <= 0.0 or left[1] > PLANAR * left[0]:
             return False
     return True
-
-
-def plausible_limits(problem: Problem, structures: tuple[JointStructure, ...]) -> tuple[JointStructure, ...]:
-    """The structures with stated torque limits only where the logs do not contradict them.
-
-    Where commands go beyond a limit, the nominal model is fitted to the beginning of the logs with and without it.
-    """
-    peaks = np.max(np.abs(problem.command), axis=0)
-    if not any(0.0 < s.torque_limit < peak for s, peak in zip(structures, peaks, strict=True)):
-        return structures
-    free = tuple(replace(s, torque_limit=0.0) for s in structures)
-    part, _ = stretch(problem, TRIED)
-    return min(structures, free, key=lambda option: fit_nominal(part, option).criterion)
 
 
 def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:

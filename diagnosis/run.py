@@ -32,11 +32,10 @@ from diagnosis.preparation import (
     given_numbers,
     groups,
     moving_joints,
-    plausible_limits,
     recordings,
     structure,
 )
-from diagnosis.problem import Problem, in_band, smooth_derivatives, stack
+from diagnosis.problem import LIMIT, Problem, in_band, segments, smooth_derivatives, stack
 from diagnosis.replay import input_equivalent, replay
 from diagnosis.report import render
 from diagnosis.result import (
@@ -199,8 +198,12 @@ def compared(
         rows_.append(LedgerRow(joint, "+ compensator", "compensator", None, None, None, note=reason))
     gravity = solved.structures[j].gravity == "constant"
     scale = (own_gap.before, own_gap.noise_floor)
-    logs = (read.fitted, read.held_out)
-    return rows_ + rival_rows(*logs, solved.held_out, joint, scale, rng, constant_load=gravity, networks=networks)
+    fitted, held_out = (
+        [part for log in own for part in segments(log, LIMIT // len(own))] for own in (read.fitted, read.held_out)
+    )
+    return rows_ + rival_rows(
+        fitted, held_out, solved.held_out, joint, scale, rng, constant_load=gravity, networks=networks
+    )
 
 
 def first_choice(proposals: Sequence[NextExperiment], results: Sequence[JointResult]) -> NextExperiment | None:
@@ -239,7 +242,6 @@ def solve(
     structures = tuple(structure(first, number, read.robot) for number in group)
     problem = stack(kernel, read.fitted, group, pair=len(group) > 1)
     held_out = stack(kernel, read.held_out, group, pair=len(group) > 1)
-    structures = plausible_limits(problem, structures)
     units = tuple(
         joint_units(
             structures[j].input,

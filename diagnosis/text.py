@@ -94,6 +94,9 @@ def table(diagnosis: Diagnosis, width: int = 100) -> str:
             number(row.microseconds, 2),
         )
     console.print(grid)
+    for row in diagnosis.ledger:
+        if row.note:
+            console.print(f"joint {row.joint}, {row.step}: {row.note}", markup=False)
     if diagnosis.next_experiment is not None:
         proposal = diagnosis.next_experiment
         console.print(f"Next: {proposal.excitation} ({proposal.purpose}): {proposal.benefit}", markup=False)

@@ -1,0 +1,67 @@
+"""Effects are hidden in the second world's logs, at least one per stage of the signal chain, and have to be found.
+
+The worlds share nothing with the models but the names. The same trials are also put to a diagnosis that always gives
+the most common answer: it has to fail, or the trials would prove nothing.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache
+
+import pytest
+
+from benchmarks.blind.score import diagnose, outcome
+from benchmarks.blind.trials import Trial, make_trial
+from methods.effects import built_in
+
+
+@dataclass(frozen=True)
+class Case:
+    """One trial: seed, kind, family of machines, hidden effect (None where the kind draws it)."""
+
+    seed: int
+    kind: str
+    family: str
+    effect: str | None = None
+
+
+CASES = (
+    Case(11, "single", "adept_j1", "dead_zone"),
+    Case(12, "single", "servo", "input_delay"),
+    Case(13, "single", "adept_j2", "cogging_torque"),
+    Case(22, "single", "adept_j2", "joint_flexibility"),
+    Case(15, "single", "stage", "coulomb_friction"),
+    Case(17, "single", "pendulum", "quadratic_drag"),
+    Case(16, "single", "adept_j1", "encoder_eccentricity"),
+    Case(18, "clean", "adept_j1"),
+    Case(24, "foreign", "servo"),
+)
+
+
+@cache
+def trial_of(case: Case) -> Trial:
+    """The logs and their truth; 12 s each keep the test short."""
+    return make_trial(case.seed, case.kind, case.family, effect=case.effect, duration=12.0)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.effect or case.kind} in {case.family}")
+def test_hidden_effect_is_found(case: Case) -> None:
+    trial = trial_of(case)
+    finding = diagnose(trial)
+    named = [item.name for item in finding.accepted]
+    assert outcome(trial, finding) == "right", f"{finding.verdict}: {named}"
+
+
+def test_the_trials_cover_every_stage() -> None:
+    stages = {effect.name: effect.stage for effect in built_in()}
+    assert {stages[case.effect] for case in CASES if case.effect} == set(stages.values())
+
+
+def test_the_most_common_answer_fails() -> None:
+    """A diagnosis that always answers the most common name is right in a small share of the trials."""
+    hidden = Counter(
+        "+".join(sorted(effect.hidden.name for effect in trial_of(case).truth.effects)) or "none" for case in CASES
+    )
+    assert hidden.most_common(1)[0][1] <= len(CASES) // 4

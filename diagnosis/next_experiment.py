@@ -26,6 +26,8 @@ LENGTH = 10.0
 """Length of a simulated experiment [s]; the benefit is stated for one as long as all the logs at hand."""
 ATTEMPTS = 6
 """How often an excitation is made smaller until the joint stays within its range."""
+ENOUGH = 12.0
+"""Expected evidence from which on two names can be told apart."""
 WORTH = 1.1
 """Least factor of improvement that is worth an experiment."""
 
@@ -58,6 +60,8 @@ def next_experiment(
         here = separation(problem, item.scored.fitted, rival.fitted)
         gains = [separation(part, item.scored.fitted, rival.fitted) * ratio for _, part, ratio in found]
         best = int(np.argmax(gains))
+        if gains[best] < max(ENOUGH, WORTH * here):
+            return None
         return NextExperiment(
             joint=joint,
             excitation=found[best][0].text,

@@ -13,6 +13,7 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import expm
 from scipy.signal import lfilter, savgol_filter
 
 from diagnosis.estimation import Fitted, Point, Whitener, errors
@@ -198,28 +199,59 @@ def rms(error: Array) -> float:
 def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovation: float, coloured: bool) -> float:
     """Window error [rad or m] that the true model would have: only noise drives it.
 
-    Prediction errors are drawn from the autoregressive model of the fit (`coloured`) or as white sensor noise; in a
-    window that starts at t0 the free error is ``e(t) - q0 + leak int e - v0 tau (1 - exp(-(t - t0) / tau))`` with the
-    corrections q0, v0 of the initial state and tau = J / B.
+    Prediction errors e are drawn from the autoregressive model of the fit (`coloured`) or as white sensor noise. With
+    the leak l, inertia J, damping B and stiffness K the free error is e + g in a window that starts at t0::
+
+        g' = h + l e,  J h' = -B h - K g,  g(t0) = -q0,  h(t0) = -v0
+
+    where q0, v0 are the corrections of the initial state.
     """
     rng = np.random.default_rng(0)
     dt, width = problem.sample_time, max(8, round(window / problem.sample_time))
     count = max(40 * width, 20_000)
     white = rng.standard_normal(count + 2000) * innovation
-    error = lfilter([1.0], fitted.whitener.coefficients[j], white) if coloured else white
+    error = lfilter([1.0], stable(fitted.whitener.coefficients[j]), white) if coloured else white
     error = error[2000:]
     span = min(max(7, 2 * round(0.5 * CORRECTION / dt) + 1), count // 2 * 2 - 1)
     q0 = savgol_filter(error, span, 3)
     v0 = savgol_filter(error, span, 3, deriv=1, delta=dt) + problem.leak * q0
     p = fitted.point.parameters[0, j]
-    damping = p[NOMINAL.index("viscous")] + p[NOMINAL.index("back_emf")]
-    tau = p[NOMINAL.index("inertia")] / max(abs(damping), 1e-12)
+    inertia, damping = p[NOMINAL.index("inertia")], p[NOMINAL.index("viscous")] + p[NOMINAL.index("back_emf")]
+    rates = np.array([[0.0, 1.0], [-stiffness(problem, fitted.point, j) / inertia, -damping / inertia]])
+    step = expm(rates * dt)
     begins = np.arange(span, count - width - span, width)
-    since = np.arange(width) * dt
-    pieces = np.stack([error[s : s + width] for s in begins])
-    drift = problem.leak * dt * np.cumsum(np.pad(pieces[:, :-1], ((0, 0), (1, 0))), axis=1)
-    response = tau * -np.expm1(-since / tau)
-    return rms(pieces + drift - q0[begins, None] - v0[begins, None] * response)
+    state, total = -np.stack([q0[begins], v0[begins]]), 0.0
+    for k in range(width):
+        e = error[begins + k]
+        total += float(np.sum((e + state[0]) ** 2))
+        state = step @ state
+        state[0] += problem.leak * dt * e
+    return float(np.sqrt(total / (width * len(begins))))
+
+
+def stable(filter_: Array) -> Array:
+    """A monic prediction-error filter with its zeros outside the unit circle reflected into it: the same spectrum."""
+    zeros = np.roots(filter_)
+    size = np.abs(zeros)
+    reflected = np.where(size >= 1.0, zeros / np.maximum(size, 1e-12) ** 2, zeros)
+    coefficients: Array = np.real(np.poly(np.where(np.abs(reflected) > 0.99999, 0.99999 * reflected, reflected)))
+    return coefficients
+
+
+def stiffness(problem: Problem, point: Point, j: int) -> float:
+    """Torque per position of gravity, a tilted axis and a cable, on average over the logs (not below zero)."""
+    q = problem.reading[problem.used, j]
+    p, kernel = point.parameters[0, j], problem.kernel
+    sine, cosine = p[NOMINAL.index("gravity_sine")], p[NOMINAL.index("gravity_cosine")]
+    spring = 0.0
+    for name in ("gravity_tilt", "cable_spring"):
+        if name in kernel.switches and point.switches[j, kernel.switches[name]]:
+            first, second = p[kernel.offsets[name] : kernel.offsets[name] + 2]
+            if name == "gravity_tilt":
+                sine, cosine = sine + first, cosine + second
+            else:
+                spring = first
+    return max(0.0, spring + float(np.mean(sine * np.cos(q) - cosine * np.sin(q))))
 
 
 def stretch(problem: Problem, seconds: float) -> tuple[Problem, float]:

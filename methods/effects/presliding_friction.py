@@ -22,6 +22,7 @@ EFFECT = Effect(
     equation=r"\dot z = \dot q - |\dot q|\,\sigma_0 z/T_c,\ \tau_f = \sigma_0 z + \sigma_1 \dot z",
     variable="position since reversal",
     source="Dahl 1968; Canudas de Wit et al. 1995",
+    includes=("coulomb_friction",),
     amplitudes=(),
     starts=lambda s: [
         (level * s.torque_rms, deflection * s.position_span / (level * s.torque_rms), 0.1)

@@ -1,6 +1,6 @@
 """The compiled equation of `JointModel`, (6) of the paper, with its network.
 
-F = a1 q''' + a2 q'' + a3 q' + a4 + a5 tanh(q'/w) + N(q, q', q'', q''') - u
+F = a1 q''' + a2 q'' + a3 q' + a4 + a5 tanh(q'/w) + a6 q + a7 sin q + a8 cos q + N(q, q', q'', q''') - u
 
 These functions call one another and therefore share a file: numba's cache notices a change only in the file of the
 function that it has compiled, not in what that function calls.
@@ -43,10 +43,12 @@ def network_values(flat, inputs):
 
 @compile_balance
 def joint_balance(p, q, dq, ddq, jerk, u):
-    """F; p = (a1..a5, w, the network's flat layout)."""
-    value = p[0] * jerk + p[1] * ddq + p[2] * dq + p[3] - u
+    """F; p = (a1..a8, w, the network's flat layout)."""
+    value = p[0] * jerk + p[1] * ddq + p[2] * dq + p[3] + p[5] * q - u
     if p[4] != 0.0:
-        value += p[4] * np.tanh(dq / p[5])
-    if p[7] > 0.0:
-        value += network_value(p, 6, q, dq, ddq, jerk)
+        value += p[4] * np.tanh(dq / p[8])
+    if p[6] != 0.0 or p[7] != 0.0:
+        value += p[6] * np.sin(q) + p[7] * np.cos(q)
+    if p[10] > 0.0:
+        value += network_value(p, 9, q, dq, ddq, jerk)
     return value

@@ -1,6 +1,6 @@
 """The model that all single-joint contestants of the paper share: linear columns plus a network, equation (6).
 
-F = a1 q''' + a2 q'' + a3 q' + a4 + a5 tanh(q'/w) + N(q, q', q'', q''') - u
+F = a1 q''' + a2 q'' + a3 q' + a4 + a5 tanh(q'/w) + a6 q + a7 sin q + a8 cos q + N(q, q', q'', q''') - u
 """
 
 from __future__ import annotations

@@ -13,25 +13,29 @@ import numpy as np
 from envs.log import COMMAND_UNIT, Array, JointFacts
 from methods.base import MethodError, Motion
 
-ColumnName = Literal["jerk", "acceleration", "velocity", "constant", "coulomb"]
-"""jerk q''', acceleration q'', velocity q', constant 1 (gravity and offset), coulomb tanh(q'/reversal_velocity)."""
+ColumnName = Literal["jerk", "acceleration", "velocity", "constant", "coulomb", "position", "sine", "cosine"]
+"""jerk q''', acceleration q'', velocity q', constant 1 (gravity and offset), coulomb tanh(q'/reversal_velocity),
+position q (a spring), sine sin q and cosine cos q (gravity on a hinge that is not vertical)."""
 
 COLUMN_ORDER: tuple[ColumnName, ...] = get_args(ColumnName)
 HORIZONTAL: tuple[ColumnName, ...] = ("jerk", "acceleration", "velocity")
 VERTICAL: tuple[ColumnName, ...] = (*HORIZONTAL, "constant")
 
-_TIME_POWER: dict[ColumnName, int] = {"jerk": 3, "acceleration": 2, "velocity": 1}
+_TIME_POWER: dict[ColumnName, int] = {"jerk": 3, "acceleration": 2, "velocity": 1, "position": 0}
 
 
 def regressor(motion: Motion, columns: tuple[ColumnName, ...], reversal_velocity: float) -> Array:
     """Y, shape (T, p), for the single joint of `motion`, columns in the order given."""
-    velocity = motion.velocity[:, 0]
+    position, velocity = motion.position[:, 0], motion.velocity[:, 0]
     available: dict[ColumnName, Array] = {
         "jerk": motion.jerk[:, 0],
         "acceleration": motion.acceleration[:, 0],
         "velocity": velocity,
         "constant": np.ones(len(motion)),
         "coulomb": np.tanh(velocity / reversal_velocity),
+        "position": position,
+        "sine": np.sin(position),
+        "cosine": np.cos(position),
     }
     return np.column_stack([available[name] for name in columns])
 
@@ -50,4 +54,5 @@ def column_unit(name: ColumnName, facts: JointFacts) -> str:
     power = _TIME_POWER.get(name)
     if power is None:
         return command
-    return f"{command} s{'' if power == 1 else f'^{power}'}/{facts.position_unit}"
+    times = "" if power == 0 else " s" if power == 1 else f" s^{power}"
+    return f"{command}{times}/{facts.position_unit}"

@@ -6,6 +6,7 @@ installed package's entry point (`load_entry_points`). A name that is taken is r
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import importlib.metadata
 import importlib.util
@@ -15,7 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
 
@@ -83,39 +84,81 @@ class Registry(Generic[T]):
             importlib.import_module(found.name)
 
     def load_path(self, path: Path) -> tuple[str, ...]:
-        """Run a plugin file and return the names that it registered. Raises RegistryError when it registers none."""
-        before = set(self._entries)
-        _run(path, self.kind)
-        added = tuple(sorted(set(self._entries) - before))
-        if not added:
+        """Run a plugin file and return the names that it registered. Raises RegistryError when it registers none.
+
+        A file that was run before is not run again, so that its classes stay what they were. A file that fails leaves
+        the registry as it was.
+        """
+        before = dict(self._entries)
+        try:
+            module = run_file(path, f"a {self.kind}")
+        except RegistryError:
+            self._entries.clear()
+            self._entries.update(before)
+            raise
+        own = tuple(entry.name for entry in self if entry.factory.__module__ == module.__name__)
+        if not own:
             raise RegistryError(f"{path} registers no {self.kind}. Decorate its class with register(NAME)")
-        return added
+        return own
 
     def load_entry_points(self) -> tuple[str, ...]:
         """Import the entry points of installed packages and return the names that they registered."""
         before = set(self._entries)
-        for point in importlib.metadata.entry_points(group=self.group):
-            point.load()
+        entry_points(self.group)
         return tuple(sorted(set(self._entries) - before))
 
 
-def _run(path: Path, kind: str) -> ModuleType:
-    if not path.is_file():
-        raise RegistryError(f"{path} is not a file. Give the path of a Python file that registers a {kind}")
-    name = f"adeptone_plugin_{path.stem}"
+def entry_points(group: str) -> tuple[tuple[str, Any], ...]:
+    """What installed packages offer under `group`: pairs of the entry point's name and the object that it names.
+
+    Raises RegistryError, naming the package, for one that cannot be imported.
+    """
+    found = []
+    for point in sorted(importlib.metadata.entry_points(group=group), key=lambda point: point.name):
+        package = f" of the package {point.dist.name}" if point.dist is not None else ""
+        try:
+            found.append((point.name, point.load()))
+        except RegistryError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise RegistryError(
+                f"the plugin {point.name}{package} does not run: {one_line(error)}. Mend or uninstall it"
+            ) from error
+    return tuple(found)
+
+
+def run_file(path: Path, wanted: str) -> ModuleType:
+    """The module of a plugin file, run once. `wanted` says in an error what the file should define.
+
+    Raises RegistryError when there is no such file or it does not run.
+    """
+    path = Path(path)
+    if not path.is_file() or path.suffix != ".py":
+        problem = "is no Python file" if path.is_file() else "is not a file"
+        raise RegistryError(f"{path} {problem}. Give the path of a Python file that defines {wanted}")
+    place = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
+    name = f"adeptone_plugin_{path.stem}_{place}"
+    if name in sys.modules:
+        return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise RegistryError(f"{path} is no Python file. Give the path of a Python file that registers a {kind}")
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # so that the plugin's classes can be pickled
     try:
         spec.loader.exec_module(module)
     except RegistryError:
-        raise
-    except Exception as error:
         del sys.modules[name]
-        raise RegistryError(f"{path} does not run: {type(error).__name__}: {error}. Mend the file") from error
+        raise
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        raise RegistryError(f"{path} does not run: {one_line(error)}. Mend the file") from error
     return module
+
+
+def one_line(error: BaseException) -> str:
+    """``ZeroDivisionError: division by zero``, whatever line breaks the text has."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 METHODS: Registry = Registry("method", "adeptone.methods")

@@ -80,11 +80,18 @@ def diagnose(
     rivals: Annotated[
         bool, typer.Option("--rivals", help="Also train networks on the same logs and show them in the ledger")
     ] = False,
+    plugin: Annotated[
+        list[Path] | None,
+        typer.Option("--plugin", metavar="FILE", help="A Python file with an effect of your own; repeatable"),
+    ] = None,
 ) -> None:
     """Name what the nominal model of a robot gets wrong on measured logs."""
     from diagnosis.run import diagnose_files
 
-    typer.echo(diagnose_files(logs, holdout or [], robot, joint, out, columns=columns, repair=repair, rivals=rivals))
+    said = diagnose_files(
+        logs, holdout or [], robot, joint, out, columns=columns, repair=repair, rivals=rivals, plugins=plugin or []
+    )
+    typer.echo(said)
 
 
 @data_app.command("list")

@@ -57,7 +57,7 @@ from diagnosis.search import Ranked, Scored
 from diagnosis.text import joint_sentence, table
 from envs.log import Array, Log
 from envs.log_files import write_atomically
-from methods.effects import built_in
+from methods.effects import built_in, vocabulary
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL, build
 from methods.structured import StructuredModel
@@ -102,23 +102,29 @@ def diagnose_files(
     columns: Path | None = None,
     repair: bool = False,
     rivals: bool = False,
+    plugins: Sequence[Path] = (),
 ) -> str:
     """Diagnose log files, write the results into the folder `out`, and return what the terminal shows.
 
-    rivals: also train the networks that the ledger compares with (some seconds more).
+    rivals: also train the networks that the ledger compares with (some seconds more). plugins: files with an effect
+    of the user's own, which takes part like any other.
 
-    Nothing is written unless everything is ready. Raises LogError, RobotError or DiagnosisError for unusable input.
+    Nothing is written unless everything is ready. Raises LogError, RobotError, RegistryError or DiagnosisError for
+    unusable input.
     """
     from rich.console import Console
 
     out = Path(out)
     if out.exists() and not out.is_dir():
         raise FileExistsError(f"{out} is a file. Give a folder with --out")
+    effects = vocabulary(plugins)
     with Console(stderr=True).status("reading logs") as status:
         started = clock.perf_counter()
         read = recordings(logs, holdout, robot, columns, repair)
         seconds = {"reading": clock.perf_counter() - started}
-        diagnosis, model, twin = diagnose(read, joint, rivals=rivals, tell=status.update, seconds=seconds)
+        diagnosis, model, twin = diagnose(
+            read, joint, effects=effects, rivals=rivals, tell=status.update, seconds=seconds
+        )
         status.update("writing the report")
         write_atomically(
             {
@@ -141,9 +147,9 @@ def diagnose(
     tell: Tell = lambda text: None,
     seconds: dict[str, float] | None = None,
 ) -> tuple[Diagnosis, StructuredModel, Twin]:
-    """Diagnose recordings in memory; `effects` is the vocabulary (all known ones unless given)."""
+    """Diagnose recordings in memory; `effects` is the vocabulary (`methods.effects.vocabulary` unless given)."""
     settings, seconds = settings or Settings(), {} if seconds is None else seconds
-    known = tuple(built_in() if effects is None else effects)
+    known = tuple(vocabulary() if effects is None else effects)
     findings = list(read.findings)
     joints = moving_joints(read.fitted, joint, findings)
     rng = np.random.default_rng(0)

@@ -19,7 +19,7 @@ from envs.log import Array, Hold, InputKind
 from envs.robot import Robot
 from methods.base import MethodError, Model, Motion, State
 from methods.compensated_kernel import compensated, pack
-from methods.effects import built_in
+from methods.effects import built_in, vocabulary
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL, Kernel, build
 from methods.two_layer_network import TwoLayerNetwork
@@ -79,8 +79,10 @@ class StructuredModel(Model):
 
     @cached_property
     def kernel(self) -> Kernel:
-        """The compiled kernel for the vocabulary."""
-        return build(self.vocabulary or built_in())
+        """The compiled kernel for the vocabulary; effects of installed packages are there when the model has one."""
+        own = self.vocabulary or built_in()
+        named = {name for part in self.parts for name in part.effects}
+        return build(own if named <= {effect.name for effect in own} else vocabulary())
 
     @property
     def substeps(self) -> int:
@@ -102,7 +104,7 @@ class StructuredModel(Model):
                 parameters[j, NOMINAL.index(name)] = value
             for name, values in part.effects.items():
                 if name not in known:
-                    raise MethodError(f"there is no effect {name}", remedy="Install the plugin that it comes from")
+                    raise MethodError(f"there is no effect {name}", remedy="Install the plugin that it comes from, or give its file")
                 order = [p.name for p in known[name].parameters]
                 parameters[j, kernel.offsets[name] : kernel.offsets[name] + len(order)] = [values[p] for p in order]
                 switches[j, kernel.switches[name]] = True

@@ -104,7 +104,7 @@ class StructuredModel(Model):
                 parameters[j, NOMINAL.index(name)] = value
             for name, values in part.effects.items():
                 if name not in known:
-                    raise MethodError(f"there is no effect {name}", remedy="Install the plugin that it comes from, or give its file")
+                    raise MethodError(f"there is no effect {name}", remedy="Install the plugin that it comes from")
                 order = [p.name for p in known[name].parameters]
                 parameters[j, kernel.offsets[name] : kernel.offsets[name] + len(order)] = [values[p] for p in order]
                 switches[j, kernel.switches[name]] = True

@@ -13,6 +13,7 @@ import enum
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -164,7 +165,13 @@ class Method(abc.ABC):
 
     The constructor stores arguments and nothing else; the `repr` is the key of the row in every table. A method knows
     logs and, where it says so, a robot's nominal description; it never knows the truth behind a synthetic log.
+
+    `expected_failures` says which conformance checks (`methods.conformance`) the method fails by its nature: name of
+    the check -> reason. `check_settings` are constructor arguments that make it quick enough to be checked.
     """
+
+    expected_failures: ClassVar[Mapping[str, str]] = {}
+    check_settings: ClassVar[Mapping[str, Any]] = {}
 
     @abc.abstractmethod
     def fit(self, logs: Sequence[Log], rng: np.random.Generator) -> Fit:

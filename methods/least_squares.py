@@ -78,9 +78,7 @@ class LeastSquares(Method):
         reversal = self.reversal_velocity * fastest
         return LinearProblem(
             signals=signals,
-            regressor=np.concatenate(
-                [self._thin(regressor(part.motion, self.columns, reversal)) for part in signals]
-            ),
+            regressor=np.concatenate([self._thin(regressor(part.motion, self.columns, reversal)) for part in signals]),
             command=np.concatenate([self._thin(part.command)[:, 0] for part in signals]),
             reversal_velocity=reversal,
         )
@@ -113,7 +111,7 @@ def solve(regressor: Array, command: Array) -> tuple[Array, Array]:
     values = lstsq(scaled, command, lapack_driver="gelsd")[0]
     residuals = command - scaled @ values
     bread = np.linalg.pinv(scaled.T @ scaled, hermitian=True)
-    covariance = bread @ _long_run_scatter(scaled * residuals[:, None], residuals) @ bread
+    covariance = bread @ long_run_scatter(scaled * residuals[:, None], residuals) @ bread
     return values / scale, covariance / np.outer(scale, scale)
 
 
@@ -146,7 +144,8 @@ def estimate_history(regressor: Array, command: Array) -> Array:
     return history / scale
 
 
-def _long_run_scatter(scores: Array, residuals: Array) -> Array:
+def long_run_scatter(scores: Array, residuals: Array) -> Array:
+    """S (p, p) of Newey and West for scores (N, p): their scatter over lags that the residuals (N,) suggest."""
     lag = 4 * _first_zero_of_autocorrelation(residuals)
     scatter = scores.T @ scores
     size = 1 << int(np.ceil(np.log2(2 * len(scores))))

@@ -91,7 +91,7 @@ class Log:
                 continue
             array = np.array(value, dtype=np.float64)
             if attribute != "time":
-                array = array.reshape(len(array), -1)
+                array = array.reshape(len(array), -1 if array.size else size)
                 if array.shape != (len(self.time), size):
                     raise LogError(
                         f"{attribute} has shape {array.shape}, expected {(len(self.time), size)}",

@@ -181,8 +181,15 @@ class Method(abc.ABC):
         """
 
 
+FEWEST_SAMPLES = 8
+"""Fewer samples carry no third derivative."""
+
+
 def single_joint(logs: Sequence[Log]) -> int:
-    """The joint number of logs that all hold the same single joint. Raises MethodError otherwise."""
+    """The joint number of logs that all hold the same single joint, which moves in one of them at least.
+
+    Raises MethodError otherwise, and for a log of fewer than `FEWEST_SAMPLES`.
+    """
     if not logs:
         raise MethodError("there is no log to fit", remedy="Give at least one log")
     found = {log.joints for log in logs}
@@ -192,4 +199,11 @@ def single_joint(logs: Sequence[Log]) -> int:
             f"this method identifies one joint at a time, but the logs hold joints {shown}",
             remedy="Reduce each log to the joint that moved: log.joint(number)",
         )
+    for log in logs:
+        if len(log) < FEWEST_SAMPLES:
+            raise MethodError(
+                f"{log.name} holds {len(log)} samples, too few to fit", remedy=f"Record {FEWEST_SAMPLES} at the least"
+            )
+    if not any(np.ptp(log.position) > 0.0 for log in logs):
+        raise MethodError("the joint never moves in these logs", remedy="Give a log in which it does")
     return logs[0].joints[0]

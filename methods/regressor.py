@@ -50,7 +50,8 @@ def check_columns(columns: tuple[ColumnName, ...]) -> None:
 
 def column_unit(name: ColumnName, facts: JointFacts) -> str:
     """Unit of a column's coefficient, such as ``V s^2/rad``."""
-    command = COMMAND_UNIT[facts.input]
+    force = facts.input == "torque" and facts.position_unit == "m"
+    command = "N" if force else COMMAND_UNIT[facts.input]
     power = _TIME_POWER.get(name)
     if power is None:
         return command

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -75,6 +75,11 @@ class Sindy(Method):
     period of the motion: windows of half a period make velocity, its powers and friction indistinguishable.
     every: use every n-th sample, enough for signals limited to tens of hertz.
     """
+
+    expected_failures: ClassVar[Mapping[str, str]] = {
+        "covariance": "a thresholded regression chooses its terms by the data; no covariance holds for what is left"
+    }
+
 
     variant: Literal["smoothed", "weak"] = "smoothed"
     differentiator: Differentiator = field(default_factory=BandLimited)

@@ -34,10 +34,10 @@ NOISY: dict[ColumnName, int] = {"velocity": 1, "acceleration": 2, "jerk": 3}
 class TotalLeastSquares(JointRegression):
     """The preparation keeps more noise than least squares can afford: it is accounted for."""
 
-    preparation: Preparation = field(default_factory=lambda: Preparation(attenuation=0.02))
+    preparation: Preparation = field(default_factory=lambda: Preparation(attenuation=2e-3))
 
     def noise(self, logs: Sequence[Log], equations: Equations) -> Array:
-        """Covariance of one row's columns [column units], the mean of the logs, (p, p); zero where there is no noise."""
+        """Covariance of one row's columns, the mean of the logs, (p, p) [column units]; zero where there is no noise."""
         size = len(equations.columns)
         total = np.zeros((size, size))
         for number, log in enumerate(logs):

@@ -1,7 +1,7 @@
 """Least squares in which every log weighs by its own error: IDIM-WLS.
 
 v = Y a, each log's rows divided by the standard deviation of that log's residuals, repeated until the deviations
-settle (M. Gautier, ICRA 1997; A. Aitken, Proc. R. Soc. Edinburgh 55 (1935) 42). One log alone gives plain least squares.
+settle (M. Gautier, ICRA 1997; A. Aitken, Proc. R. Soc. Edinburgh 55 (1935) 42). With one log it is least squares.
 """
 
 from __future__ import annotations

@@ -63,6 +63,11 @@ class JointFacts:
     command_limit: float | None = None
     hold: Hold = "zero_order"
 
+    @property
+    def command_unit(self) -> str:
+        """Unit of the command: V, A, N m, or N for the force on a joint that slides."""
+        return "N" if (self.input, self.position_unit) == ("torque", "m") else COMMAND_UNIT[self.input]
+
 
 @dataclass(frozen=True, eq=False)
 class Log:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from envs.log import COMMAND_UNIT, Array, Hold, InputKind, Log
+from envs.log import Array, Hold, InputKind, Log
 from methods.base import Estimates, Fit, Method, Model, Motion, State, Status
 from methods.registry import METHODS
 from methods.usable_logs import check_logs
@@ -48,7 +48,7 @@ class Constant(Method):
             model=ConstantModel(joints, tuple(item.input for item in facts), mean),
             estimates=Estimates(
                 names=tuple(f"mean command of joint {joint}" for joint in joints),
-                units=tuple(COMMAND_UNIT[item.input] for item in facts),
+                units=tuple(item.command_unit for item in facts),
                 values=mean,
                 covariance=np.full((len(joints), len(joints)), np.nan),
             ),

@@ -10,7 +10,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from envs.log import COMMAND_UNIT, Array, JointFacts
+from envs.log import Array, JointFacts
 from methods.base import MethodError, Motion
 
 ColumnName = Literal["jerk", "acceleration", "velocity", "constant", "coulomb", "position", "sine", "cosine"]
@@ -50,8 +50,7 @@ def check_columns(columns: tuple[ColumnName, ...]) -> None:
 
 def column_unit(name: ColumnName, facts: JointFacts) -> str:
     """Unit of a column's coefficient, such as ``V s^2/rad``."""
-    force = facts.input == "torque" and facts.position_unit == "m"
-    command = "N" if force else COMMAND_UNIT[facts.input]
+    command = facts.command_unit
     power = _TIME_POWER.get(name)
     if power is None:
         return command

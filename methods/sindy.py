@@ -22,7 +22,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from envs.log import COMMAND_UNIT, Array, InputKind, Log
+from envs.log import Array, InputKind, Log
 from methods.base import Estimates, Fit, Method, MethodError, Status, single_joint
 from methods.differentiation import BandLimited, Differentiator
 from methods.equation import EquationModel, compile_balance
@@ -118,7 +118,7 @@ class Sindy(Method):
         model = SparseModel(joint, facts.input, speed * sparse / np.concatenate(([1.0], scale)), reversal)
         kept = np.flatnonzero(model.coefficients)
         has_input = model.coefficients[-1] != 0.0
-        units = _units(facts.position_unit, COMMAND_UNIT[facts.input])
+        units = _units(facts.position_unit, facts.command_unit)
         return Fit(
             model=model,
             estimates=Estimates(

@@ -142,6 +142,27 @@ def data_inspect(logs: LogFiles, columns: ColumnMapFile = None, repair: Repair =
             typer.echo(line)
 
 
+Budget = Annotated[
+    float, typer.Option("--budget", metavar="SECONDS", min=1.0, help="Time for one fit of a log of four seconds")
+]
+
+
+@app.command("check-method")
+def check_method(
+    method: Annotated[
+        str, typer.Argument(metavar="METHOD", help="A file, a registered name, or an installed package's entry point")
+    ],
+    budget: Budget = 60.0,
+) -> None:
+    """Check what a method promises, one line per check; exit 1 when a promise is not kept."""
+    from methods.conformance.isolated import examine_isolated
+    from methods.conformance.method_checks import prepare_method
+    from methods.conformance.report import tell
+
+    if not tell(examine_isolated(prepare_method, method, budget), typer.echo):
+        raise typer.Exit(1)
+
+
 def main() -> None:
     """Runs the command line; input errors become one line on stderr and exit status 2."""
     try:

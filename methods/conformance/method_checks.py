@@ -22,9 +22,11 @@ from envs.log import Array, Log
 from methods.base import Estimates, Fit, Method, MethodError, Model, Motion, State, Status
 from methods.conformance.check import Check, CheckFailed, NotApplicable
 from methods.conformance.example import LinearJoint, rescaled
+from methods.conformance.isolated import Prepared
 from methods.conformance.representation import rebuilt
 from methods.conformance.units import exponents
 from methods.model_files import fit_to_json, load_model
+from methods.plugins import build_method, find_method
 from methods.registry import Entry, one_line
 
 EXACT = 0.01
@@ -401,6 +403,13 @@ METHOD_CHECKS: tuple[Check[MethodSubject], ...] = tuple(
         wrong_joints,
     )
 )
+
+
+def prepare_method(text: str, budget: float) -> Prepared:
+    """What `adeptone check-method` checks. Raises RegistryError when there is no such method."""
+    entry = find_method(text)
+    method = build_method(entry)
+    return Prepared(METHOD_CHECKS, MethodSubject(entry, budget), dict(type(method).expected_failures))
 
 
 def _refuses(

@@ -94,6 +94,41 @@ def diagnose(
     typer.echo(said)
 
 
+@app.command()
+def fit(
+    logs: LogFiles,
+    method: Annotated[
+        str, typer.Option("--method", metavar="METHOD", help="A registered name or a Python file that registers one")
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="MODEL", help="The fitted model, JSON")],
+    holdout: Annotated[
+        list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Recordings for the error only; repeatable")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option("--robot", metavar="ROBOT", help="adeptone, a rig's name or a TOML description")
+    ] = None,
+    joint: Annotated[int | None, typer.Option("--joint", metavar="J", help="Fit this joint only")] = None,
+    columns: ColumnMapFile = None,
+    repair: Repair = False,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", min=0)] = 0,
+) -> None:
+    """Fit one method to measured logs and save its model."""
+    from methods.fitting import fit_files
+
+    said = fit_files(
+        method,
+        logs,
+        out,
+        holdout=holdout or [],
+        robot=robot,
+        joint=joint,
+        columns=columns,
+        repair=repair,
+        seed=seed,
+    )
+    typer.echo(said)
+
+
 @data_app.command("list")
 def data_list() -> None:
     """The recordings of real rigs, and whether they are on this machine."""

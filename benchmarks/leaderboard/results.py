@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 OK, SKIPPED = "ok", "skipped"
 REQUIRED = ("task", "method", "label", "seed", "fingerprint", "status", "reason")
-PROVENANCE = ("version", "commit", "python", "packages", "machine")
+PROVENANCE = ("version", "commit", "python", "versions", "machine")
 """Columns that say by what a row was made, where the store has them."""
 FLOOR_TAG, CEILING_TAG = "floor", "ceiling"
 
@@ -41,12 +41,17 @@ class TaskInfo:
 
 @dataclass(frozen=True)
 class Contestant:
-    """A method of the table: its key, a short name that no other has, and its role: floor, ceiling or nothing."""
+    """A method of the table: its key, its label, a short name that no other has, tags, and its role if it has one."""
 
     key: str
+    label: str
     name: str
-    family: str = ""
-    role: str = ""
+    tags: tuple[str, ...] = ()
+
+    @property
+    def role(self) -> str:
+        """``floor`` (knows nothing), ``ceiling`` (is told what is hidden) or empty."""
+        return next((role for role in (FLOOR_TAG, CEILING_TAG) if role in self.tags), "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +64,8 @@ class Results:
     seeds: tuple[int, ...]
 
     @classmethod
-    def of(
-        cls, frame: pd.DataFrame, tasks: Mapping[str, TaskInfo], tags: Mapping[str, frozenset[str]]
-    ) -> Results:
-        """From a store's table; `tasks` and `tags` of the methods as far as they are installed here.
+    def of(cls, frame: pd.DataFrame, tasks: Mapping[str, TaskInfo]) -> Results:
+        """From a store's table; titles and published figures of the `tasks` that are installed here.
 
         Raises ReportError for a table without rows or without a column that it needs.
         """
@@ -70,13 +73,17 @@ class Results:
         if len(frame) == 0:
             raise ReportError("there are no results. Run `adeptone bench run` first, or give another folder")
         if missing:
-            raise ReportError(f"the table of results lacks {', '.join(missing)}. Give the folder of `adeptone bench run`")
+            raise ReportError(
+                f"the table of results lacks {', '.join(missing)}. Give the folder of `adeptone bench run`"
+            )
         frame = frame.reset_index(drop=True)
         names = sorted(set(frame["task"]))
         return cls(
             frame=frame,
-            contestants=_contestants(frame, tags),
-            tasks=tuple(tasks.get(name, TaskInfo(name, name, known=False)) for name in names),
+            contestants=_contestants(frame),
+            tasks=tuple(
+                tasks.get(name, TaskInfo(name, name, _tags(frame, "task", name), known=False)) for name in names
+            ),
             seeds=tuple(sorted({int(seed) for seed in frame["seed"]})),
         )
 
@@ -173,27 +180,23 @@ def known_tasks() -> dict[str, TaskInfo]:
     return found
 
 
-def known_tags() -> dict[str, frozenset[str]]:
-    """Tags of the methods that are installed here, by label."""
-    from benchmarks.worker import load_methods
-    from methods.registry import METHODS
-
-    load_methods()
-    return {entry.name: entry.tags for entry in METHODS}
-
-
-def _contestants(frame: pd.DataFrame, tags: Mapping[str, frozenset[str]]) -> tuple[Contestant, ...]:
+def _contestants(frame: pd.DataFrame) -> tuple[Contestant, ...]:
     """Sorted by label; those that share a label are told apart by their specification."""
     first = frame.drop_duplicates("method").sort_values(["label", "method"], kind="stable")
-    labels: Sequence[str] = [str(label) for label in first["label"]]
-    families = first["family"] if "family" in first.columns else [""] * len(first)
-    found = []
-    for label, key, family in zip(labels, first["method"], families, strict=True):
-        own = tags.get(label, frozenset())
-        role = next((role for role in (FLOOR_TAG, CEILING_TAG) if role in own), "")
-        name = label if labels.count(label) == 1 else str(key)
-        found.append(Contestant(str(key), name, "" if family is None or family != family else str(family), role))
-    return tuple(found)
+    labels = [str(label) for label in first["label"]]
+    return tuple(
+        Contestant(str(key), label, label if labels.count(label) == 1 else str(key), _tags(frame, "method", key))
+        for label, key in zip(labels, first["method"], strict=True)
+    )
+
+
+def _tags(frame: pd.DataFrame, of: str, name: str) -> tuple[str, ...]:
+    """Tags of a task or method as its rows tell them."""
+    column = f"{of}_tags"
+    if column not in frame.columns:
+        return ()
+    found = {tag for text in frame.loc[frame[of] == name, column].dropna() for tag in str(text).split("+") if tag}
+    return tuple(sorted(found))
 
 
 def _first(values: Array) -> Array:

@@ -128,7 +128,7 @@ def pooled_scores(results: Results, question: Question) -> Array:
 
 def baseline(results: Results) -> int | None:
     """Index of the contestant that others are compared with, or None."""
-    labels = [str(results.frame["label"].iloc[row]) for row in _any_row(results)]
+    labels = [contestant.label for contestant in results.contestants]
     return labels.index(BASELINE) if BASELINE in labels else None
 
 
@@ -136,11 +136,6 @@ def groups(results: Results) -> tuple[str | None, ...]:
     """None for all tasks, then every tag that at least one but not every task carries, alphabetically."""
     tags = sorted({tag for task in results.tasks for tag in task.tags})
     return (None, *(tag for tag in tags if 0 < len(results.group(tag)) < len(results.tasks)))
-
-
-def _any_row(results: Results) -> list[int]:
-    """One row of the table for every contestant."""
-    return [int(np.max(rows)) for rows in results.rows]
 
 
 def _of_role(results: Results, errors: Array, role: str) -> Array:

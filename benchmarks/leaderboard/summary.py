@@ -132,9 +132,7 @@ def naming(results: Results) -> tuple[Naming, ...]:
                 causes = Counter(cause for row in rows for cause in _causes(results.text(row, "named")))
                 outcomes = Counter(results.text(row, "naming_outcome") for row in rows)
                 score = float(np.nanmean(scores[m, t]))
-                found.append(
-                    Naming(contestant.name, task.name, len(rows), _sorted(causes), _sorted(outcomes), score)
-                )
+                found.append(Naming(contestant.name, task.name, len(rows), _sorted(causes), _sorted(outcomes), score))
     return tuple(found)
 
 

@@ -25,6 +25,9 @@ LATEX = str.maketrans(
     }
 )  # fmt: skip
 
+OURS, NOISE = "this benchmark", "measurement noise"
+"""Sources of figures that nobody has published."""
+
 
 @dataclass(frozen=True)
 class Table:
@@ -71,11 +74,10 @@ def standings_table(results: Results, board: Leaderboard) -> Table:
     rows, data = [], []
     for place, item in enumerate(board.standings, start=1):
         contestant = results.contestants[item.contestant]
-        label = f"{contestant.name} ({contestant.role})" if contestant.role else contestant.name
         rows.append(
             (
-                str(place), label, _estimate(item.score), _estimate(item.rank), _estimate(item.improvement),
-                str(item.tasks), str(item.runs), str(item.failed), str(item.skipped),
+                str(place), _label(results, item.contestant), _estimate(item.score), _estimate(item.rank),
+                _estimate(item.improvement), str(item.tasks), str(item.runs), str(item.failed), str(item.skipped),
                 number(item.fit_seconds, 2), number(item.step_microseconds, 2), _count(item.parameter_count),
             )
         )  # fmt: skip
@@ -118,8 +120,7 @@ def task_table(results: Results, t: int) -> Table:
     for m in _present(results, t):
         contestant = results.contestants[m]
         counts = cell(results, "fit_seconds", m, t)
-        label = f"{contestant.name} ({contestant.role})" if contestant.role else contestant.name
-        rows.append((label, *(_range(cells[name, m], scales[name][0]) for name in metrics), _runs(counts)))
+        rows.append((_label(results, m), *(_range(cells[name, m], scales[name][0]) for name in metrics), _runs(counts)))
         for name in metrics:
             one = cells[name, m]
             data.append(
@@ -168,7 +169,9 @@ def published_table(results: Results) -> Table:
             ours = {m: cell(results, metric, m, t).median for m in _present(results, t)}
             ours = {m: value for m, value in ours.items() if not math.isnan(value)}
             theirs = [(item.label, item.value, item.source) for item in task.published if item.metric == metric]
-            lines = [*theirs, *((results.contestants[m].name, value, "this benchmark") for m, value in ours.items())]
+            lines = [*theirs, *((_label(results, m), value, OURS) for m, value in ours.items())]
+            floor = noise_floors(results, t).get(metric)
+            lines += [] if floor is None else [("noise floor", floor, NOISE)]
             factor, shown = scale_for([value for _, value, _ in theirs], unit)
             for label, value, source in sorted(lines, key=lambda line: line[1]):
                 title = METRICS[metric].title
@@ -206,6 +209,12 @@ def _present(results: Results, t: int) -> list[int]:
     there = [m for m in range(len(results.contestants)) if (results.rows[m, t] >= 0).any()]
     order = {"floor": 0, "": 1, "ceiling": 2}
     return sorted(there, key=lambda m: order[results.contestants[m].role])
+
+
+def _label(results: Results, m: int) -> str:
+    """A contestant's name, and its role behind it."""
+    contestant = results.contestants[m]
+    return f"{contestant.name} ({contestant.role})" if contestant.role else contestant.name
 
 
 def _heading(metric: str, unit: str) -> str:

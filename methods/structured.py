@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -77,6 +77,10 @@ class StructuredModel(Model):
     def inputs(self) -> tuple[InputKind, ...]:  # type: ignore[override]
         return tuple(part.input for part in self.parts)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What travels between processes: the fields, not the compiled kernel, which is found again."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
     @cached_property
     def kernel(self) -> Kernel:
         """The compiled kernel for the vocabulary; effects of installed packages are there when the model has one."""
@@ -137,7 +141,7 @@ class StructuredModel(Model):
     def _run(self, time: Array, command: Array, initial: State, hold: Hold, near: Array) -> tuple[Array, Array]:
         """Readings (T, n) and states (T, n, 3) of a free simulation."""
         run = Session(self, time, command, hold, near)
-        run.begin(initial.position, initial.velocity)
+        run.begin(initial.position, initial.velocity, initial.acceleration)
         run.advance(0, len(time))
         reading = -run.error
         gone = np.all(run.error == DIVERGED, axis=1)
@@ -283,14 +287,51 @@ class Session:
         self.error, self.motion = np.zeros((len(time), n)), np.zeros((len(time), n, 3))
         self.states, self.bristles = np.zeros((n, 7)), np.zeros(n)
 
-    def begin(self, position: Array, velocity: Array) -> None:
-        """Initial state: angle and velocity (n,), motor torque as in the steady state of the first command."""
+    def begin(self, position: Array, velocity: Array, acceleration: Array | None = None) -> None:
+        """Initial state: angle, velocity and acceleration (n,); the motor torque is the one that goes with them.
+
+        Without an acceleration the motor torque is that of the steady state of the first command; at rest it is zero.
+        """
         parameters = self.model.arrays[0]
         start = np.zeros((len(self.model.parts), 3))
         start[:, 0], start[:, 1] = position, velocity
-        if np.any(velocity):
+        if np.any(velocity) or (acceleration is not None and np.any(acceleration)):
             start[:, 2] = self.command[0] - parameters[:, NOMINAL.index("back_emf")] * velocity
+            if acceleration is not None:
+                start[:, 2] = self._torque(start, acceleration)
         self.model.kernel.module.begin(start, self.command[0], self.states)
+
+    def _torque(self, start: Array, acceleration: Array) -> Array:
+        """Motor torques (n,) under which the joints, in motion from `start`, accelerate as given; one Newton step.
+
+        Below a winding's time constant a wrong torque costs ``T_e`` times the wrong acceleration in velocity. Joints
+        without a winding have no such state.
+        """
+        parameters, switches, pair, rigid = self.model.arrays
+        n, module = len(start), self.model.kernel.module
+        if not np.any(parameters[:, NOMINAL.index("electrical_time_constant")]):
+            return start[:, 2]
+        present = np.zeros((n, 4), dtype=bool)
+        for j in range(n):
+            module._present(switches[j], present[j])
+        sign, still = np.sign(start[:, 1]), np.zeros(n, dtype=bool)
+        near = self.near[0] if len(self.near) else np.zeros((n, 3))
+
+        def accelerations(torque: Array) -> Array:
+            states, rates = np.zeros((n, 7)), np.zeros((n, 7))
+            module.begin(np.column_stack((start[:, :2], torque)), self.command[0], states)
+            module._rates(
+                0.0, states, rates, self.command[0], near, sign, still, n, parameters, switches, present, pair, rigid,
+                np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
+            )  # fmt: skip
+            return rates[:, 1]
+
+        size = np.maximum(np.abs(start[:, 2]), 1e-3)
+        guess = accelerations(start[:, 2])
+        slopes = np.column_stack(
+            [(accelerations(start[:, 2] + row) - guess) / size[k] for k, row in enumerate(np.diag(size))]
+        )
+        return start[:, 2] + np.linalg.lstsq(slopes, acceleration - guess, rcond=1e-9)[0]
 
     def advance(self, first: int, last: int, leak: float = 0.0) -> None:
         """Samples first..last-1; the states end up at sample last."""

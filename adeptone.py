@@ -198,6 +198,22 @@ def check_method(
         raise typer.Exit(1)
 
 
+@app.command("check-effect")
+def check_effect(
+    effect: Annotated[
+        str, typer.Argument(metavar="EFFECT", help="A file, a known name, or an installed package's entry point")
+    ],
+    budget: Budget = 60.0,
+) -> None:
+    """Check what an effect promises, one line per check; exit 1 when a promise is not kept."""
+    from diagnosis.effect_checks import prepare_effect
+    from methods.conformance.isolated import examine_isolated
+    from methods.conformance.report import tell
+
+    if not tell(examine_isolated(prepare_effect, effect, budget), typer.echo):
+        raise typer.Exit(1)
+
+
 def main() -> None:
     """Runs the command line; input errors become one line on stderr and exit status 2."""
     try:

@@ -142,6 +142,15 @@ class Estimates:
         return dict(zip(self.names, self.values.tolist(), strict=True))
 
 
+@dataclass(frozen=True)
+class Cause:
+    """An effect that a method names as present: its canonical name, its joint, and names that cannot be told apart."""
+
+    effect: str
+    joint: int
+    rivals: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """What a method found.
@@ -149,6 +158,8 @@ class Fit:
     `residuals` are recorded minus modelled command on the fitted samples, shape (N,), unit of the command.
     `learning_curve` is the mean squared error per pass over the data, shape (passes,), empty for closed-form methods.
     `notes` hold what the user has to know in plain sentences. `seconds` is wall time; it is no part of the result.
+    `causes` are the named causes of methods that name any, None for all others; `verdict` is then one of ``none``,
+    ``named``, ``ambiguous``, ``unknown``.
     """
 
     model: Model
@@ -158,6 +169,8 @@ class Fit:
     seconds: float
     learning_curve: Array = field(default_factory=lambda: np.empty(0))
     notes: tuple[str, ...] = ()
+    causes: tuple[Cause, ...] | None = None
+    verdict: str | None = None
 
 
 class Method(abc.ABC):

@@ -20,7 +20,12 @@ function badge(contestant) {
 
 function nameCell(m, extra = "") {
   return element("th", {scope: "row", class: "name", "data-v": contestants[m].name, title: contestants[m].key},
-    contestants[m].name, " ", badge(contestants[m]), extra);
+    breakable(contestants[m].name), " ", badge(contestants[m]), extra);
+}
+
+// A name that may be broken after its underscores.
+function breakable(name) {
+  return element("span", {}, ...name.split("_").flatMap((part, k) => (k ? ["_", element("wbr"), part] : [part])));
 }
 
 function head(...titles) {
@@ -123,7 +128,8 @@ function drawImprovement() {
   const x = scale(Math.min(0.9, ...known) / 1.15, Math.max(1.1, ...known) * 1.15, frame.left, frame.right, true);
   axes(svg, frame, x, {ticks: [], at: () => 0}, `Error over that of ${contestants[state.against].name}`, "");
   svg.append(shape("line", {x1: x.at(1), x2: x.at(1), y1: frame.top, y2: frame.bottom, class: "zero"}));
-  svg.append(shape("text", {x: x.at(1) - 8, y: 15, "text-anchor": "end", class: "tick"}, "← better"), shape("text", {x: x.at(1) + 8, y: 15, class: "tick"}, "worse →"));
+  svg.append(shape("text", {x: x.at(1) - 8, y: 15, "text-anchor": "end", class: "tick"}, "← better"));
+  if (x.at(1) + 60 < width) svg.append(shape("text", {x: x.at(1) + 8, y: 15, class: "tick"}, "worse →"));
   lines.forEach((line, k) => {
     const y = frame.top + row * (k + 0.5), name = tasks[line.t].name, room = Math.floor(label / 6.6);
     svg.append(titled(shape("text", {x: label - 8, y: y + 4, "text-anchor": "end", class: "label"}, name.length > room ? name.slice(0, room - 1) + "…" : name), tasks[line.t].title));
@@ -284,7 +290,7 @@ function drawNaming() {
   const own = data.naming.filter((n) => n.contestant === state.namer), columns = [...new Set(own.flatMap((n) => n.named.map(([cause]) => cause)))].sort();
   const rows = own.map((n) => {
     const named = new Map(n.named);
-    return element("tr", {}, element("th", {scope: "row", class: "name"}, n.task), ...columns.map((c) => {
+    return element("tr", {}, element("th", {scope: "row", class: "name"}, breakable(n.task)), ...columns.map((c) => {
       const share = (named.get(c) ?? 0) / n.runs;
       return element("td", {class: "n", style: share ? `background:${shade(0.15 + 0.75 * share)};color:${share > 0.62 ? "#fff" : "#1a1a1a"}` : null}, share ? `${named.get(c)}` : "");
     }), element("td", {class: "n"}, String(n.runs)), element("td", {class: "n"}, number(n.score, 2)), element("td", {}, n.outcomes.map(([o, count]) => `${o} ${count}`).join(", ")));

@@ -29,7 +29,7 @@ from methods.joint_model import JointModel
 from methods.kernel import NOMINAL
 from methods.least_squares import long_run_scatter
 from methods.registry import METHODS
-from methods.regressor import column_unit
+from methods.regressor import ColumnName, column_unit
 from methods.structured import StructuredJoint, StructuredModel
 from methods.usable_logs import check_joint
 
@@ -93,9 +93,8 @@ def parameter_unit(name: str, facts: JointFacts) -> str:
     """Unit of a kernel parameter in units of the command."""
     if name == "electrical_time_constant":
         return "s"
-    return column_unit(
-        {"inertia": "acceleration", "viscous": "velocity", "back_emf": "velocity"}.get(name, "constant"), facts
-    )  # type: ignore[arg-type]
+    columns: dict[str, ColumnName] = {"inertia": "acceleration", "viscous": "velocity", "back_emf": "velocity"}
+    return column_unit(columns.get(name, "constant"), facts)
 
 
 def covariance(found: OptimizeResult) -> Array:

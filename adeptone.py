@@ -24,6 +24,8 @@ app = typer.Typer(
 )
 data_app = typer.Typer(no_args_is_help=True, help="Log files and the recordings of real rigs.", rich_markup_mode=None)
 app.add_typer(data_app, name="data")
+bench_app = typer.Typer(no_args_is_help=True, help="Methods measured by one yardstick.", rich_markup_mode=None)
+app.add_typer(bench_app, name="bench")
 
 LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings: CSV, Parquet, NPZ, MATLAB, ROS bag")]
 ColumnMapFile = Annotated[
@@ -212,6 +214,63 @@ def check_effect(
 
     if not tell(examine_isolated(prepare_effect, effect, budget), typer.echo):
         raise typer.Exit(1)
+
+
+@bench_app.command("report")
+def bench_report(
+    results: Annotated[Path, typer.Option("--results", metavar="DIR", help="What `adeptone bench run` wrote")] = Path(
+        "results/bench"
+    ),
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Where page and tables are written; DIR/report by default"),
+    ] = None,
+) -> None:
+    """Write the leaderboard: one interactive page, and tables as CSV, Markdown and LaTeX."""
+    from benchmarks.leaderboard.report import report_files
+
+    typer.echo(report_files(results, out if out is not None else results / "report"))
+
+
+@bench_app.command("check")
+def bench_check(
+    suite: Annotated[str, typer.Option("--suite", metavar="NAME", help="quick or full")] = "quick",
+    method: Annotated[
+        list[str] | None,
+        typer.Option("--method", metavar="NAME_OR_PATH", help="Instead of the suite's own methods; repeatable"),
+    ] = None,
+    reference: Annotated[Path, typer.Option("--reference", metavar="DIR", help="Folder of the references")] = Path(
+        "results/reference"
+    ),
+    seed: Annotated[
+        list[int] | None, typer.Option("--seed", metavar="N", min=0, help="Instead of the suite's seeds; repeatable")
+    ] = None,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Runs at once")] = 2,
+    update: Annotated[bool, typer.Option("--update", help="Make the reference anew, and say what moved")] = False,
+) -> None:
+    """Run a suite afresh and compare it with its reference; exit 1 when something got worse."""
+    from benchmarks import check
+
+    methods = method or []
+    if update:
+        if seed:
+            raise typer.BadParameter("a reference has the suite's seeds; leave --seed out with --update")
+        report, path = check.update(suite, methods, reference, workers=workers, progress=sys.stderr.isatty())
+        typer.echo(report.text())
+        typer.echo(path)
+        return
+    report = check.check(suite, methods, reference, seeds=seed or (), workers=workers, progress=sys.stderr.isatty())
+    typer.echo(report.text())
+    if not report.sound:
+        raise typer.Exit(1)
+
+
+@bench_app.command("workflow")
+def bench_workflow() -> None:
+    """Print a GitHub Actions workflow that checks the accuracy of a method of your own."""
+    from benchmarks.check import workflow
+
+    typer.echo(workflow(), nl=False)
 
 
 def main() -> None:

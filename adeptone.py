@@ -216,6 +216,31 @@ def check_effect(
         raise typer.Exit(1)
 
 
+Folder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the two files are written")]
+
+
+@app.command("new-method")
+def new_method(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Such as my_method")], out: Folder = Path()
+) -> None:
+    """Write a working method to begin with, and its test."""
+    from methods.scaffold import scaffold
+
+    for path in scaffold("method", name, out):
+        typer.echo(path)
+
+
+@app.command("new-effect")
+def new_effect(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Such as my_effect")], out: Folder = Path()
+) -> None:
+    """Write a working effect to begin with, and its test."""
+    from methods.scaffold import scaffold
+
+    for path in scaffold("effect", name, out):
+        typer.echo(path)
+
+
 @bench_app.command("report")
 def bench_report(
     results: Annotated[Path, typer.Option("--results", metavar="DIR", help="What `adeptone bench run` wrote")] = Path(

@@ -78,7 +78,9 @@ TIME_POWER: dict[str, int] = {
 RESULT_POWER: dict[str, int] = {"command": 1, "torque": 1, "friction": 1, "gain": 0, "sensor": 0}
 """Power of the command's unit in what a slot's function returns."""
 SAMPLE_TIME, ENCODER_STEP = 2e-3, 1e-5
-JOINT = {"inertia": 0.07, "viscous": 0.02, "back_emf": 0.7, "electrical_time_constant": 0.01}
+JOINT = {"inertia": 0.07, "viscous": 0.02, "back_emf": 0.7}
+"""Without inductance: a winding's lag and an amplifier's may change places."""
+STRUCTURE = JointStructure(electrical=False)
 STRENGTH = 4.0
 """How much larger than its trial size an effect is in the log from which it has to be recovered."""
 SLACK = 0.2
@@ -105,7 +107,7 @@ class EffectSubject:
     @cached_property
     def sizes(self) -> Scales:
         """Typical magnitudes of that log."""
-        return sizes_of(self.problem, fit_nominal(self.problem, (JointStructure(),)))[0]
+        return sizes_of(self.problem, fit_nominal(self.problem, (STRUCTURE,)))[0]
 
     @cached_property
     def values(self) -> tuple[float, ...]:
@@ -262,7 +264,7 @@ def linear_in_amplitudes(subject: EffectSubject) -> None:
 def sensitivities_are_finite_differences(subject: EffectSubject) -> None:
     """The derivative by its parameters that a fit uses agrees with a finer finite difference."""
     effect, problem = subject.effect, subject.problem
-    base = fit_nominal(problem, (JointStructure(),)).point
+    base = fit_nominal(problem, (STRUCTURE,)).point
     tile = np.tile(np.array(subject.values), (problem.logs, 1))
     point = extend(problem, _referenced(base, subject.sizes), Hypothesis(effect, 0), tile)
     centre = errors(problem, [point])[0]
@@ -388,7 +390,7 @@ def recovers_itself(subject: EffectSubject) -> None:
     """The diagnosis finds it, with its parameters, in a log simulated with it (an inverse crime: consistency only)."""
     effect, values = subject.effect, subject.values
     problem = stack(subject.kernel, [recorded(subject, values, 1), recorded(subject, values, 2)], (1,))
-    finding: Finding = find(problem, (JointStructure(),), (effect,), Settings(limit=1))
+    finding: Finding = find(problem, (STRUCTURE,), (effect,), Settings(limit=1))
     accepted = [item for item in finding.accepted if item.name == effect.name]
     if not accepted:
         raise CheckFailed(f"with the parameters {_shown(values)} it is not named (verdict {finding.verdict})")
@@ -444,17 +446,19 @@ def prepare_effect(text: str, budget: float) -> Prepared:
     """What `adeptone check-effect` checks."""
     effect = find_effect(text)
     own = effect in built_in()
-    return Prepared(EFFECT_CHECKS, EffectSubject(effect, build(built_in() if own else (effect,))), {})
+    return Prepared(
+        EFFECT_CHECKS, EffectSubject(effect, build(built_in() if own else (effect,))), dict(effect.expected_failures)
+    )
 
 
 def recorded_exactly(subject: EffectSubject, values: Sequence[float] | None) -> Array:
-    """Position (T,) of two seconds of simulation, not rounded."""
+    """Position (T,) of four seconds of simulation, not rounded."""
     time, command = _command()
     return subject.model(values).simulate(time, command, State.at_rest(0.0)).position[:, 0]
 
 
 def _command() -> tuple[Array, Array]:
-    time = SAMPLE_TIME * np.arange(1000, dtype=np.float64)
+    time = SAMPLE_TIME * np.arange(2000, dtype=np.float64)
     return time, (1.5 * np.sin(2.0 * np.pi * 1.3 * time) + np.sin(2.0 * np.pi * 4.1 * time))[:, None]
 
 

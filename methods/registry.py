@@ -133,6 +133,8 @@ def run_file(path: Path, wanted: str) -> ModuleType:
     Raises RegistryError when there is no such file or it does not run.
     """
     path = Path(path)
+    if path.resolve().parent == Path(__file__).resolve().parent and path.is_file():
+        return importlib.import_module(f"methods.{path.stem}")  # a file of this folder is no plugin
     if not path.is_file() or path.suffix != ".py":
         problem = "is no Python file" if path.is_file() else "is not a file"
         raise RegistryError(f"{path} {problem}. Give the path of a Python file that defines {wanted}")

@@ -97,7 +97,8 @@ class Effect:
     scan: how candidate shapes that no short grid can cover are found: ``time`` (frequency of a disturbance),
         ``position`` (cycles per revolution), ``event`` (instants), or None.
     variable: the signal against which the effect shows itself in a plot.
-    cost: number of values searched on a grid before fitting, charged as ``2 ln(cost)`` in the evidence.
+    includes: names of effects that this one contains as a special case. substeps: integration steps per sample.
+    expected_failures: conformance checks (`diagnosis.effect_checks`) that it fails by its nature, each with the reason.
     """
 
     name: str
@@ -113,6 +114,7 @@ class Effect:
     scan: Literal["time", "position", "event"] | None = None
     substeps: int = 1
     includes: tuple[str, ...] = ()
+    expected_failures: tuple[tuple[str, str], ...] = ()
 
     @property
     def size(self) -> int:

@@ -239,5 +239,3 @@ def run_here(cells: Sequence[Cell], workers: int, finish: Callable[[dict[str, An
         except BaseException:
             schedule.abandon()
             raise
-
-

@@ -93,13 +93,13 @@ class Questions:
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """What came back. estimates: name -> (value, standard error).
+    """What came back. estimates: (name, unit) -> (value, standard error).
 
     simulations: positions (T, n) per question, inverses: commands (T, n) per question; None where the model does not
     answer that kind of question.
     """
 
-    estimates: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    estimates: Mapping[tuple[str, str], tuple[float, float]] = field(default_factory=dict)
     causes: tuple[Cause, ...] | None = None
     verdict: str | None = None
     simulations: tuple[Array, ...] | None = None
@@ -227,10 +227,10 @@ def _fit(job: Job) -> tuple[Model, dict[str, Any]]:
         "fit_seconds": seconds,
         "parameter_count": count_numbers(fit.model),
         "convergence": fit.status.name.lower(),
-        "estimates": {
-            name: (float(value), float(error))
-            for name, value, error in zip(estimates.names, estimates.values, errors, strict=True)
-        },
+        "estimates": [
+            (name, unit, float(value), float(error))
+            for name, unit, value, error in zip(estimates.names, estimates.units, estimates.values, errors, strict=True)
+        ],
         "causes": None if fit.causes is None else [(c.effect, c.joint, list(c.rivals)) for c in fit.causes],
         "verdict": fit.verdict,
     }
@@ -308,7 +308,7 @@ def answers(fitted: Mapping[str, Any], answered: Mapping[str, Any], arrays: Mapp
         return None if question in silent else tuple(arrays[f"{kind}_{k}"] for k in range(count))
 
     return Answers(
-        estimates={name: (value[0], value[1]) for name, value in fitted["estimates"].items()},
+        estimates={(name, unit): (value, error) for name, unit, value, error in fitted["estimates"]},
         causes=None if causes is None else tuple(Cause(name, joint, tuple(rivals)) for name, joint, rivals in causes),
         verdict=fitted["verdict"],
         simulations=collected("simulation", "simulate"),

@@ -9,7 +9,7 @@ with a unit are those of the rotary ones; relative errors and the columns `..._b
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -119,9 +119,7 @@ METRICS: dict[str, Metric] = {
         ),
         Metric("naming", "1", "higher", "Naming", "1 right, 0.5 left open with the truth among it, 0 missed or wrong"),
         Metric("fit_seconds", "s", "lower", "Fit", "wall time of the fit", timing=True),
-        Metric(
-            "step_microseconds", "µs", "lower", "Step", "wall time of a free run per simulated sample", timing=True
-        ),
+        Metric("step_microseconds", "µs", "lower", "Step", "wall time of a free run per simulated sample", timing=True),
         Metric("parameter_count", "1", "lower", "Numbers", "numbers that the model carries"),
         Metric(
             "peak_memory_gib",
@@ -331,17 +329,17 @@ def _tool(body: ScaraBody, joints: tuple[int, ...], position: Array) -> Array:
 
 
 def _parameters(truth: Truth | None, answers: Answers) -> dict[str, float]:
-    known: Mapping[str, Any] = {} if truth is None else truth.parameters
-    shared = [name for name in answers.estimates if name in known and known[name].value != 0.0]
+    """A combination counts when the method reports it under the same name and in the same unit."""
+    known = {} if truth is None else {(name, item.unit): item.value for name, item in truth.parameters.items()}
+    shared = [key for key in answers.estimates if known.get(key, 0.0) != 0.0]
     if not shared:
         return {"parameter_error": float("nan"), "interval_coverage": float("nan")}
-    true = np.array([known[name].value for name in shared])
-    found = np.array([answers.estimates[name][0] for name in shared])
-    width = QUANTILE * np.array([answers.estimates[name][1] for name in shared])
-    inside = np.abs(found - true) <= width
+    true = np.array([known[key] for key in shared])
+    found, errors = np.array([answers.estimates[key] for key in shared]).T
+    inside = np.abs(found - true) <= QUANTILE * errors
     return {
         "parameter_error": float(np.median(np.abs(found / true - 1.0))),
-        "interval_coverage": float(np.mean(inside)) if np.isfinite(width).all() else float("nan"),
+        "interval_coverage": float(np.mean(inside)) if np.isfinite(errors).all() else float("nan"),
     }
 
 

@@ -78,9 +78,8 @@ TIME_POWER: dict[str, int] = {
 RESULT_POWER: dict[str, int] = {"command": 1, "torque": 1, "friction": 1, "gain": 0, "sensor": 0}
 """Power of the command's unit in what a slot's function returns."""
 SAMPLE_TIME, ENCODER_STEP = 2e-3, 1e-5
-JOINT = {"inertia": 0.07, "viscous": 0.02, "back_emf": 0.7}
-"""Without inductance: a winding's lag and an amplifier's may change places."""
-STRUCTURE = JointStructure(electrical=False)
+JOINT = {"inertia": 0.07, "viscous": 0.02, "back_emf": 0.7, "electrical_time_constant": 0.01}
+STRUCTURE = JointStructure()
 STRENGTH = 4.0
 """How much larger than its trial size an effect is in the log from which it has to be recovered."""
 SLACK = 0.2

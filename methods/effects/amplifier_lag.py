@@ -16,4 +16,10 @@ EFFECT = Effect(
     variable="elapsed time",
     source="Franklin, Powell, Emami-Naeini",
     starts=lambda s: [(0.5 * s.sample_time,), (3.0 * s.sample_time,), (10.0 * s.sample_time,)],
+    expected_failures=(
+        (
+            "recovers_itself",
+            "it stands in series with the winding's lag, and the two time constants may change places",
+        ),
+    ),
 )

@@ -17,4 +17,10 @@ EFFECT = Effect(
     variable="elapsed time",
     source="Khalil and Dombre",
     scan="event",
+    expected_failures=(
+        (
+            "sensitivities_are_finite_differences",
+            "the change takes effect at the next step, so that its instant acts in jumps",
+        ),
+    ),
 )

@@ -29,4 +29,10 @@ EFFECT = Effect(
     amplitudes=(0, 1),
     function=torque,
     scan="time",
+    expected_failures=(
+        (
+            "recovers_itself",
+            "in a log without noise a pure tone is predicted from its own past by the whitening filter",
+        ),
+    ),
 )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from diagnosis.estimation import Fitted, errors, fit
 from diagnosis.nominal import JointStructure, fit_nominal
@@ -102,10 +103,20 @@ def find(
 
     The whole band of the encoder decides first: there an exact model leaves nothing but noise. Where something is left
     (`unknown`), the effects are sought again in the band in which the joint moved, and those that shape the motion
-    there
-    are reported; the verdict stays.
+    there are reported; the verdict stays.
     """
     settings = settings or Settings()
+    with threadpool_limits(1, "blas"):  # the kernels run in parallel; matrix products of this size do not gain from it
+        return _find(problem, structures, effects, settings, tell)
+
+
+def _find(
+    problem: Problem,
+    structures: tuple[JointStructure, ...],
+    effects: Sequence[Effect],
+    settings: Settings,
+    tell: Callable[[str], None],
+) -> Finding:
     whole = select(problem, structures, effects, settings, tell)
     if whole.verdict != "unknown":
         return whole

@@ -24,7 +24,7 @@ from methods.filters import filter_at, prediction_filter
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A model: parameters (L, n, columns), switches (n, effects), rigid (2,), initial states (L, n, 3), free
+    """A model: parameters (L, n, columns), switches (n, effects), rigid (3,), initial states (L, n, 3), free
     parameters."""
 
     parameters: Array
@@ -100,14 +100,18 @@ class Whitener:
         return np.concatenate(parts, axis=-1)
 
 
-def whitener(problem: Problem, error: Array, order: int | None = None) -> Whitener:
+def whitener(problem: Problem, error: Array) -> Whitener:
     """Autoregressive filter per joint by least squares (covariance method) on the errors (T, n) after the burn-in.
+
+    The lags are single ones at first and then means over blocks that grow by a quarter each (`lag_blocks`), so that few
+    coefficients reach from the encoder's rounding to the slow noise of an amplifier in a closed loop.
 
     With a decimation the errors are band-limited by a symmetric window filter, every so many samples are kept, and the
     autoregression runs over the kept ones; both filters are merged into one.
     """
     every = problem.decimation
-    order = order or autoregressive_order(problem)
+    blocks = lag_blocks(problem)
+    order = blocks[-1][1] - 1
     band = np.ones(1) if every == 1 else firwin(6 * every + 1, 0.8 / every)
     memory = order * every + len(band) - 1
     mask = problem.used.copy()
@@ -122,21 +126,47 @@ def whitener(problem: Problem, error: Array, order: int | None = None) -> Whiten
     rows = rows[:: len(rows) // 40_000 + 1]
     filters = np.zeros((problem.joints, memory + 1))
     for j in range(problem.joints):
-        lagged = np.stack([limited[rows - i * every, j] for i in range(order + 1)])
+        lagged = np.stack([limited[rows, j], *_lagged(limited[:, j], rows, blocks, every)])
         gram = lagged @ lagged.T
-        ridge = 1e-12 * np.trace(gram[1:, 1:]) / order + 1e-300
-        solution = np.linalg.solve(gram[1:, 1:] + ridge * np.eye(order), gram[1:, 0])
+        ridge = 1e-12 * np.trace(gram[1:, 1:]) / len(blocks) + 1e-300
+        solution = np.linalg.solve(gram[1:, 1:] + ridge * np.eye(len(blocks)), gram[1:, 0])
         sparse = np.zeros(order * every + 1)
-        sparse[::every] = np.concatenate([[1.0], -solution])
+        sparse[0] = 1.0
+        for (first, last), value in zip(blocks, solution, strict=True):
+            sparse[first * every : (last - 1) * every + 1 : every] = -value / (last - first)
         filters[j] = np.convolve(sparse, band)
     return Whitener(filters, mask)
 
 
-def autoregressive_order(problem: Problem) -> int:
-    """Lags that cover 40 ms, at least 12 and at most 48; 4 where errors are compared in a narrow band."""
+def _lagged(signal: Array, rows: np.ndarray, blocks: Sequence[tuple[int, int]], every: int) -> list[Array]:
+    """Means of the signal (T,) over blocks of lags, at the rows."""
+    found = []
+    total = np.concatenate([np.zeros(every), signal])  # cumulative sums over every `every`-th sample
+    for phase in range(every):
+        total[phase::every] = np.cumsum(total[phase::every])
+    for first, last in blocks:
+        if last - first == 1:
+            found.append(signal[rows - first * every])
+        else:
+            newest, before = rows - (first - 1) * every, rows - (last - 1) * every
+            found.append((total[newest] - total[before]) / (last - first))
+    return found
+
+
+def lag_blocks(problem: Problem) -> list[tuple[int, int]]:
+    """Blocks of lags (first, last + 1): single ones over 40 ms (12 to 32 lags), then growing to half a second.
+
+    The reach is at most a twentieth of the shortest log. Four single lags where errors are compared in a narrow band.
+    """
     if problem.decimation > 1:
-        return 4
-    return int(np.clip(round(0.04 / problem.sample_time), 12, 48))
+        return [(i, i + 1) for i in range(1, 5)]
+    shortest = int(np.min(np.diff(problem.bounds)))
+    reach = min(round(0.5 / problem.sample_time), shortest // 20)
+    single = int(np.clip(round(0.04 / problem.sample_time), 12, 32))
+    blocks = [(i, i + 1) for i in range(1, single + 1)]
+    while (first := blocks[-1][1]) < reach:
+        blocks.append((first, min(first + max(2, first // 4), max(reach, first + 2))))
+    return blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,13 +211,16 @@ class Fitted:
         return float(np.sqrt(max(self.covariance[i, i], 0.0)))
 
 
-def sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e-3) -> Array:
+def sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e-3, first: int = 0) -> Array:
     """Derivative (P, T, n) of the prediction error with respect to the free parameters, by forward differences.
 
-    Parameters that live in different logs are perturbed together, since they cannot touch the same samples.
+    Parameters that live in different logs are perturbed together, since they cannot touch the same samples. Those
+    before `first` are left out: (P - first, T, n).
     """
     groups: dict[tuple, list[int]] = {}
     for i, f in enumerate(point.free):
+        if i < first:
+            continue
         key = (f.kind, f.joint, f.column) if f.log >= 0 else (f.kind, f.joint, f.column, i)
         groups.setdefault(key, []).append(i)
     vector = point.vector
@@ -199,12 +232,12 @@ def sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e
         shifted[members] += steps[members]
         moved.append(point.at(shifted))
     out = errors(problem, moved) - error
-    result = np.zeros((len(vector), *error.shape))
+    result = np.zeros((len(vector) - first, *error.shape))
     for difference, members in zip(out, groups.values(), strict=True):
         for i in members:
             f = point.free[i]
             where = slice(None) if f.log < 0 else slice(problem.bounds[f.log], problem.bounds[f.log + 1])
-            result[i, where] = difference[where] / steps[i]
+            result[i - first, where] = difference[where] / steps[i]
     return result
 
 
@@ -222,10 +255,12 @@ def fit(
     rounds: int = 2,
     iterations: int = 6,
     tolerance: float = 1e-5,
+    known: Array | None = None,
 ) -> Fitted:
     """Levenberg-Marquardt on the innovations; the whitening filter is renewed between rounds.
 
-    tolerance: relative decrease of the mean square below which a round ends.
+    tolerance: relative decrease of the mean square below which a round ends. known: whitened sensitivities (K, N n) of
+    the first K parameters, taken for constant, in a fit of one round that only has to tell hypotheses apart.
     """
     error = errors(problem, [point])[0]
     lower = np.array([f.lower for f in point.free])
@@ -240,7 +275,7 @@ def fit(
             innovation = filter_(error)
             scale = weights(innovation, problem.joints)
             base = float(np.sum((innovation * scale) ** 2))
-            jacobian = filter_(sensitivities(problem, point, error)) * scale
+            jacobian = _jacobian(problem, point, error, filter_, known) * scale
             gram = jacobian @ jacobian.T
             gradient = jacobian @ (innovation * scale)
             if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(gradient)) and np.max(np.diag(gram)) > 0.0):
@@ -271,14 +306,23 @@ def fit(
                 break
     filter_ = whitener(problem, error)
     innovation = filter_(error)
-    return finish(problem, point, error, filter_, count)
+    return finish(problem, point, error, filter_, count, known)
 
 
-def finish(problem: Problem, point: Point, error: Array, filter_: Whitener, count: int = 0) -> Fitted:
+def _jacobian(problem: Problem, point: Point, error: Array, filter_: Whitener, known: Array | None) -> Array:
+    """Whitened sensitivities (P, N n)."""
+    if known is None:
+        return filter_(sensitivities(problem, point, error))
+    return np.vstack([known, filter_(sensitivities(problem, point, error, first=len(known)))])
+
+
+def finish(
+    problem: Problem, point: Point, error: Array, filter_: Whitener, count: int = 0, known: Array | None = None
+) -> Fitted:
     """Innovations, sensitivities and covariance at a point."""
     innovation = filter_(error)
     scale = weights(innovation, problem.joints)
-    jacobian = filter_(sensitivities(problem, point, error)) * scale
+    jacobian = _jacobian(problem, point, error, filter_, known) * scale
     gram = jacobian @ jacobian.T
     diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     covariance = np.linalg.pinv(gram / np.outer(diagonal, diagonal), rcond=1e-14) / np.outer(diagonal, diagonal)

@@ -14,7 +14,7 @@ from diagnosis.problem import Problem
 from diagnosis.replay import replay, rms
 from envs.log import InputKind
 from methods.kernel import NOMINAL
-from methods.structured import COMPENSATOR, StructuredJoint, StructuredModel
+from methods.structured import COMPENSATOR, PlanarCoupling, StructuredJoint, StructuredModel
 from methods.two_layer_network import TwoLayerNetwork
 
 CHECKED = 3.0
@@ -60,7 +60,7 @@ def extended_model(extensions: Sequence[Extension]) -> StructuredModel:
             unit = item.units[j].position
             parts.append(StructuredJoint(joint, item.inputs[j], nominal, effects, unit, item.compensators[j]))
     first = ordered[0]
-    coupling = (float(first.point.rigid[0]), float(first.point.rigid[1])) if first.held_out.pair else None
+    coupling = PlanarCoupling(*first.point.rigid.tolist()) if first.held_out.pair else None
     return StructuredModel(tuple(parts), first.held_out.sample_time, coupling, first.held_out.kernel.effects)
 
 

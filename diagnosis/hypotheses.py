@@ -233,18 +233,12 @@ def _scan_position(
     problem: Problem, base: Fitted, tool: Adjoint, effect: Effect, joint: int, size: Scales
 ) -> list[tuple[Hypothesis, Array, int]]:
     """Transform of the correlation over the angle; for a gain effect it is weighted with the motor torque."""
-    q = problem.reading[:, joint]
-    weight = np.ones(len(q))
-    if effect.slot == "gain":
-        weight = problem.command[:, joint]
-        if not np.any(weight):
-            return []
-    velocity = np.concatenate(
-        [
-            smooth_derivatives(problem.time[a:b], problem.reading[a:b, joint : joint + 1], 0.03)[1][:, 0]
-            for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True)
-        ]
-    )
+    point = base.point
+    motion = problem.motion(point.parameters, point.switches, point.rigid, point.starts)[:, joint]
+    q, velocity = motion[:, 0], motion[:, 1]
+    weight = motion[:, 2] if effect.slot == "gain" else np.ones(len(q))
+    if not np.any(weight):
+        return []
     span = max(float(np.ptp(q)), 1e-12)
     least = 2.0 if problem.revolute else 2 * np.pi / span
     spacing = min(np.pi / span / 3, 1.0) if not problem.revolute else min(np.pi / span / 3, 0.5)

@@ -92,7 +92,7 @@ def export(model: StructuredModel, units: Sequence[float | None], names: Sequenc
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     scales = [1.0 if unit is None else unit for unit in units]
     if model.coupling is not None:
-        scales[1] = scales[0] * model.coupling[1]
+        scales[1] = scales[0] * model.coupling.unit_ratio
     bodies = _bodies(spec, model, scales, names)
     built = []
     for (body, joint, inertia), part, name, unit in zip(bodies, model.parts, names, scales, strict=True):
@@ -131,10 +131,13 @@ def _bodies(
 def _pair(
     spec: mujoco.MjSpec, model: StructuredModel, scales: Sequence[float], names: Sequence[str]
 ) -> list[tuple[mujoco.MjsBody, mujoco.MjsJoint, float]]:
-    """Two links with M11 = p1 + p2 + 2 p3 cos q2, M12 = p2 + p3 cos q2, M22 = p2; the first is one metre long."""
+    """Two links with M11 = p1 + p2 + 2 p3 cos q2, M12 = p2 + p3 cos q2; the first is one metre long.
+
+    What M22 has beyond p2 is the armature of joint 2.
+    """
     assert model.coupling is not None
-    p1, p2 = (part.nominal["inertia"] / scale for part, scale in zip(model.parts[:2], scales, strict=False))
-    p3 = model.coupling[0] / scales[0]
+    p1, own = (part.nominal["inertia"] / scale for part, scale in zip(model.parts[:2], scales, strict=False))
+    p2, p3 = model.coupling.shared_inertia / scales[0], model.coupling.coupling_inertia / scales[0]
     share = 0.5 * (1.0 + p3**2 / (p1 * p2))
     centre = share * p2 / p3 if p3 else 0.0
     mass = p3 / centre if p3 else 1e-3 * p1
@@ -143,7 +146,9 @@ def _pair(
     one = _add_joint(first, names[0], "rad", [0.0, 0.0, 1.0])
     second = first.add_body(name=f"{names[1]}_link", pos=[1.0, 0.0, 0.0])
     _set_inertia(second, mass, p2 - mass * centre**2, [centre, 0.0, 0.0])
-    return [(first, one, p1), (second, _add_joint(second, names[1], "rad", [0.0, 0.0, 1.0]), p2)]
+    two = _add_joint(second, names[1], "rad", [0.0, 0.0, 1.0])
+    two.armature = own - p2
+    return [(first, one, p1), (second, two, own)]
 
 
 def _add_joint(body: mujoco.MjsBody, name: str, unit: str, axis: list[float]) -> mujoco.MjsJoint:

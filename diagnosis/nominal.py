@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, fit
+from diagnosis.pair_start import PairStart, pair_start
 from diagnosis.problem import Free, Problem, smooth_derivatives
 from envs.log import Array, InputKind
 from methods.kernel import NOMINAL
@@ -38,22 +40,22 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
     n = problem.joints
     parameters = np.zeros((problem.logs, n, problem.kernel.columns))
     parameters[:, :, COLUMN["torque_square_mean"]] = 1.0
-    rigid = np.array([0.0, 1.0])
+    rigid = np.array([0.0, 1.0, 0.0])
     free: list[Free] = []
     rows: list[list[Array]] = [[] for _ in range(n)]
     sides: list[list[Array]] = [[] for _ in range(n)]
+    motion: list[tuple[Array, ...]] = []
     for start, stop in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
         time, u = problem.time[start:stop], problem.command[start:stop]
         held = np.vstack([u[:1], 0.5 * (u[1:] + u[:-1])]) if problem.hold[0] == 0 else u
         seconds = max(0.02, 8 * problem.sample_time)
         q, dq, ddq = smooth_derivatives(time, problem.reading[start:stop], seconds)
         side = smooth_derivatives(time, held, seconds)[0]
+        motion.append((q, dq, ddq, side))
         for j in range(n):
             columns = [ddq[:, j], dq[:, j], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12)), np.ones(len(q))]
-            if structures[j].gravity == "pendulum" and not problem.pair:
+            if structures[j].gravity == "pendulum":
                 columns += [np.sin(q[:, j]), np.cos(q[:, j])]
-            if problem.pair:
-                columns += _pair_columns(q, dq, ddq, j, structures[0].gravity == "pendulum")
             rows[j].append(np.stack(columns, axis=1))
             sides[j].append(side[:, j])
     solutions = []
@@ -61,6 +63,11 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
         matrix, target = np.concatenate(rows[j]), np.concatenate(sides[j])
         scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
         solutions.append(np.linalg.lstsq(matrix / scale, target, rcond=1e-8)[0] / scale)
+    if problem.pair:
+        q, dq, ddq, side = (np.concatenate(parts) for parts in zip(*motion, strict=True))
+        pair = pair_start(q, dq, ddq, side, gravity=structures[0].gravity == "pendulum")
+        for solution, damping in zip(solutions, pair.damping, strict=True):
+            solution[1] = damping
     for j, structure in enumerate(structures):
         x = solutions[j]
         rms = np.sqrt(np.mean(np.concatenate(rows[j]) ** 2, axis=0)) + 1e-300
@@ -84,53 +91,42 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
             )
         if structure.gravity == "pendulum":
             size = drive
-            parameters[:, j, COLUMN["gravity_sine"]] = x[4] if not problem.pair else x[-2]
-            parameters[:, j, COLUMN["gravity_cosine"]] = x[5] if not problem.pair else x[-1]
+            parameters[:, j, COLUMN["gravity_sine"]], parameters[:, j, COLUMN["gravity_cosine"]] = x[4], x[5]
             free.append(Free(f"gravity_sine@{j}", "joint", j, COLUMN["gravity_sine"], size))
             free.append(Free(f"gravity_cosine@{j}", "joint", j, COLUMN["gravity_cosine"], size))
         elif structure.gravity == "constant":
             parameters[:, j, COLUMN["load"]] = x[3]
             free.append(Free(f"load@{j}", "joint", j, COLUMN["load"], drive))
         for log in range(problem.logs):
-            spread = float(np.std(problem.reading[:, j]))
-            free.append(Free(f"velocity@{j}#{log}", "start", j, 1, max(spread, 1e-9), log=log))
+            fastest = max(float(np.max(np.abs(motion[log][1][:, j]))), 1e-9)
+            free.append(Free(f"velocity@{j}#{log}", "start", j, 1, fastest, -2.0 * fastest, 2.0 * fastest, log))
     if problem.pair:
-        _start_pair(problem, parameters, rigid, free, solutions)
+        _start_pair(parameters, rigid, free, pair, structures)
     switches = np.zeros((n, len(problem.kernel.effects)), dtype=bool)
     return Point(parameters, switches, rigid, problem.starts.copy(), tuple(free))
 
 
-def _pair_columns(q: Array, dq: Array, ddq: Array, j: int, gravity: bool) -> list[Array]:
-    """Regressors of the planar pair beyond a joint's own inertia: the other joint's inertia and the coupling p3."""
-    c, s = np.cos(q[:, 1]), np.sin(q[:, 1])
-    if j == 0:
-        columns = [ddq[:, 1], c * (2 * ddq[:, 0] + ddq[:, 1]) - s * (2 * dq[:, 0] * dq[:, 1] + dq[:, 1] ** 2)]
-        angle = q[:, 0]
-    else:
-        columns = [ddq[:, 0], c * ddq[:, 0] + s * dq[:, 0] ** 2]
-        angle = q[:, 0] + q[:, 1]
-    if gravity:
-        columns += [np.sin(angle), np.cos(angle)]
-    return columns
-
-
-def _start_pair(problem: Problem, parameters: Array, rigid: Array, free: list[Free], solutions: list[Array]) -> None:
-    """Parameters of the planar pair from the two regressions; p1 and p3 in units of joint 1, p2 in units of joint 2."""
-    first, second = solutions
-    p2 = max(float(first[4]), 1e-3 * abs(float(first[0])))
-    ratio = max(float(second[0]) / p2, 1e-3)
-    p1 = max(float(first[0]) - p2, 0.05 * abs(float(first[0])))
-    parameters[:, 0, COLUMN["inertia"]] = p1
-    parameters[:, 1, COLUMN["inertia"]] = ratio * p2
-    rigid[:] = float(first[5]), ratio
+def _start_pair(
+    parameters: Array,
+    rigid: Array,
+    free: list[Free],
+    start: PairStart,
+    structures: Sequence[JointStructure],
+) -> None:
+    """Parameters of the planar pair; p1, p2 and p3 in units of joint 1, the inertia of joint 2 in its own."""
+    parameters[:, :, COLUMN["inertia"]] = start.inertia
+    if structures[0].gravity == "pendulum":
+        parameters[:, :, COLUMN["gravity_sine"]], parameters[:, :, COLUMN["gravity_cosine"]] = start.gravity.T
+    rigid[:] = start.coupling, start.ratio, start.shared
     free[:] = [
-        f
-        if not f.name.startswith("inertia")
-        else Free(f.name, "joint", f.joint, f.column, p1 if f.joint == 0 else ratio * p2, 1e-9)
+        replace(f, scale=start.inertia[f.joint], lower=1e-3 * start.inertia[f.joint])
+        if f.name.startswith("inertia")
+        else f
         for f in free
     ]
-    free.append(Free("coupling_inertia", "rigid", 0, 0, p1))
-    free.append(Free("unit_ratio", "rigid", 1, 1, ratio, 1e-6))
+    free.append(Free("coupling_inertia", "rigid", 0, 0, start.shared))
+    free.append(Free("unit_ratio", "rigid", 1, 1, start.ratio, 1e-3 * start.ratio))
+    free.append(Free("shared_inertia", "rigid", 0, 2, start.shared, 1e-3 * start.shared))
 
 
 def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:

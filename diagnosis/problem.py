@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -138,6 +139,36 @@ class Problem:
             np.nan_to_num(out, copy=False, nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED)
             np.clip(out, -DIVERGED, DIVERGED, out=out)
         return out
+
+    def motion(self, parameters: Array, switches: np.ndarray, rigid: Array, starts: Array) -> Array:
+        """Predicted angle, velocity and motor torque (T, n, 3) of one model, from readings before each sample only.
+
+        Shapes: parameters (L, n, columns), switches (n, effects), starts (L, n, 3).
+        """
+        found = np.zeros((len(self.time), self.joints, 3))
+        out = np.empty((len(self.time), self.joints))
+        none = np.zeros((0, self.joints, 3))
+        for log, (a, b) in enumerate(pairwise(self.bounds)):
+            self.kernel.module.run(
+                self.time[a:b],
+                self.command[a:b],
+                self.cumulative[a:b],
+                self.hold,
+                self.reading[a:b],
+                self.neighbour[a:b] if len(self.neighbour) else none,
+                none[:, :, 0],
+                starts[log],
+                parameters[log],
+                switches,
+                self.pair,
+                rigid,
+                self.leak,
+                self.rate_leak,
+                self.substeps,
+                out[a:b],
+                found[a:b],
+            )
+        return np.nan_to_num(found, copy=False)
 
 
 def excitation_band(problem: Problem) -> float:

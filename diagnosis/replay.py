@@ -209,9 +209,9 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
     rng = np.random.default_rng(0)
     dt, width = problem.sample_time, max(8, round(window / problem.sample_time))
     count = max(40 * width, 20_000)
-    white = rng.standard_normal(count + 2000) * innovation
-    error = lfilter([1.0], stable(fitted.whitener.coefficients[j]), white) if coloured else white
-    error = error[2000:]
+    error = rng.standard_normal(count) * innovation
+    if coloured:
+        error = coloured_by(fitted.whitener.coefficients[j], error)
     span = min(max(7, 2 * round(0.5 * CORRECTION / dt) + 1), count // 2 * 2 - 1)
     q0 = savgol_filter(error, span, 3)
     v0 = savgol_filter(error, span, 3, deriv=1, delta=dt) + problem.leak * q0
@@ -229,13 +229,10 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
     return float(np.sqrt(total / (width * len(begins))))
 
 
-def stable(filter_: Array) -> Array:
-    """A monic prediction-error filter with its zeros outside the unit circle reflected into it: the same spectrum."""
-    zeros = np.roots(filter_)
-    size = np.abs(zeros)
-    reflected = np.where(size >= 1.0, zeros / np.maximum(size, 1e-12) ** 2, zeros)
-    coefficients: Array = np.real(np.poly(np.where(np.abs(reflected) > 0.99999, 0.99999 * reflected, reflected)))
-    return coefficients
+def coloured_by(filter_: Array, white: Array) -> Array:
+    """A periodic signal whose spectrum is that of white noise (T,) behind the inverse of a prediction-error filter."""
+    response = np.abs(np.fft.rfft(filter_, len(white)))
+    return np.asarray(np.fft.irfft(np.fft.rfft(white) / np.maximum(response, 1e-9), len(white)))
 
 
 def stiffness(problem: Problem, point: Point, j: int) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point, fit
+from diagnosis.estimation import Fitted, Point, fit, weights
 from diagnosis.hypotheses import Start, extend, proposals, sizes_of
 from diagnosis.problem import Problem
 from envs.log import Array
@@ -72,9 +72,10 @@ def try_all(
     starts = proposals(problem, base, effects, sizes_of(problem, base))
     starts = [start for start in starts if start.promise - price(problem, start, base.samples) >= needed]
     rough = []
+    known = base.jacobian / weights(base.innovation, problem.joints)
     for start in starts[:refine]:
         point = extend(problem, base.point, start.hypothesis, start.values)
-        fitted = fit(problem, point, base.whitener, rounds=1, iterations=3, tolerance=1e-3)
+        fitted = fit(problem, point, base.whitener, rounds=1, iterations=3, tolerance=1e-3, known=known)
         rough.append(Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples)))
     rough.sort(key=lambda s: -s.evidence)
     final: list[Scored] = []
@@ -90,8 +91,8 @@ def _with_reference(problem: Problem, base: Fitted) -> Fitted:
     """The same fit with the mean square motor torque filled in, by which thermal effects are normalised."""
     point: Point = base.point
     parameters: Array = point.parameters.copy()
-    for j in range(problem.joints):
-        parameters[:, j, NOMINAL.index("torque_square_mean")] = max(sizes_of(problem, base)[j].torque_rms ** 2, 1e-300)
+    for j, size in sizes_of(problem, base).items():
+        parameters[:, j, NOMINAL.index("torque_square_mean")] = max(size.torque_rms**2, 1e-300)
     return replace(base, point=replace(point, parameters=parameters))
 
 

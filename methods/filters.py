@@ -1,18 +1,28 @@
-"""Compiled finite-impulse-response filters for many signals at once."""
+"""Finite-impulse-response filters for many signals at once: compiled where short, by FFT where long."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
+from scipy.signal import oaconvolve
 
 from envs.log import Array
 
+LONG = 96
+"""Number of coefficients from which the FFT is faster than a direct sum."""
 
-@njit(cache=True, parallel=True, fastmath=True)
+
 def prediction_filter(signals: Array, coefficients: Array) -> Array:
     """y[c, k] = sum_i coefficients[i] signals[c, k - i] with zeros before the beginning; signals (C, T), result (C,
     T)."""
+    if np.count_nonzero(coefficients) < LONG:
+        return _direct(signals, coefficients)
+    return np.asarray(oaconvolve(signals, coefficients[None], axes=1)[:, : signals.shape[1]])
+
+
+@njit(cache=True, parallel=True, fastmath=True)
+def _direct(signals: Array, coefficients: Array) -> Array:
     count, length = signals.shape
     order = len(coefficients)
     result = np.zeros((count, length))

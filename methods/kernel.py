@@ -11,6 +11,12 @@ Per joint, in units of the command::
     M(q) q'' + h(q, q') + b q' + gravity + torques + friction = gain w
     reading = q + sensor(q)
 
+The planar pair (rigid = p3, unit ratio s of joint 2 to joint 1, shared inertia p2; in units of joint 1)::
+
+    M11 = inertia_1 + p2 + 2 p3 cos q2,  M12 = p2 + p3 cos q2,  M22 = inertia_2 / s
+
+where M22 exceeds p2 by a rotor that turns with joint 2 alone.
+
 `torque_limit` (0: none) is the drive's known current limit; it clamps w where it acts on the arm.
 
 Integration: fourth-order Runge-Kutta with the command averaged exactly over each step (hold and delay included); dry
@@ -302,19 +308,20 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
             D[j, DQ] = 0.0
             D[j, Q] = 0.0
     if pair:
-        p1, p2, p3, s = P[0, INERTIA], P[1, INERTIA] / rigid[1], rigid[0], rigid[1]
+        p1, p2, p3, s, own = P[0, INERTIA], rigid[2], rigid[0], rigid[1], P[1, INERTIA] / rigid[1]
         if PAYLOAD >= 0:
             if on[0, PAYLOAD] and t >= P[0, PAYLOAD_P + 1]:
                 p1 += P[0, PAYLOAD_P]
             if on[1, PAYLOAD] and t >= P[1, PAYLOAD_P + 1]:
                 p2 += P[1, PAYLOAD_P] / s
+                own += P[1, PAYLOAD_P] / s
         q1, q2, d1, d2 = S[0, Q], S[1, Q], S[0, DQ], S[1, DQ]
         c, z = math.cos(q2), math.sin(q2)
         g2 = P[1, GRAVITY_SINE] * math.sin(q1 + q2) + P[1, GRAVITY_COSINE] * math.cos(q1 + q2)
         g1 = P[0, GRAVITY_SINE] * math.sin(q1) + P[0, GRAVITY_COSINE] * math.cos(q1) + g2 / s
         r1 = rhs[0] + p3 * z * (2.0 * d1 * d2 + d2 * d2) - g1
         r2 = (rhs[1] - g2) / s - p3 * z * d1 * d1
-        m11, m12, m22 = p1 + p2 + 2.0 * p3 * c, p2 + p3 * c, p2
+        m11, m12, m22 = p1 + p2 + 2.0 * p3 * c, p2 + p3 * c, own
         rhs[0] = r1
         rhs[1] = r2 * s
         if stuck[0] and stuck[1]:

@@ -55,18 +55,36 @@ class StructuredJoint:
         return self.nominal.get("viscous", 0.0) + self.nominal.get("back_emf", 0.0)
 
 
+@dataclass(frozen=True)
+class PlanarCoupling:
+    """What couples the first two joints as a planar arm of two links, in units of joint 1; see `methods.kernel`.
+
+    coupling_inertia: p3 of ``M12 = p2 + p3 cos q2``. unit_ratio: command units per torque of joint 2 over joint 1.
+    shared_inertia: p2.
+    """
+
+    coupling_inertia: float
+    unit_ratio: float
+    shared_inertia: float
+
+    @property
+    def rigid(self) -> Array:
+        """The three numbers as the kernel takes them."""
+        return np.array([self.coupling_inertia, self.unit_ratio, self.shared_inertia])
+
+
 @dataclass(frozen=True, eq=False)
 class StructuredModel(Model):
     """Joints that are simulated together; see the module.
 
-    coupling: (coupling inertia p3, ratio of the units of joint 2 to joint 1) when the first two joints are a planar
-    pair, else None. sample_time: of the logs it was fitted to [s]; longer intervals are integrated in several steps.
+    coupling: what makes the first two joints a planar pair, else None. sample_time: of the logs it was fitted to [s];
+    longer intervals are integrated in several steps.
     vocabulary: the effects that the kernel is built for, all built-in ones by default.
     """
 
     parts: tuple[StructuredJoint, ...]
     sample_time: float
-    coupling: tuple[float, float] | None = None
+    coupling: PlanarCoupling | None = None
     vocabulary: tuple[Effect, ...] = ()
 
     @property
@@ -95,7 +113,7 @@ class StructuredModel(Model):
 
     @cached_property
     def arrays(self) -> tuple[Array, np.ndarray, bool, Array]:
-        """(parameters (n, columns), switches (n, effects), planar pair or not, rigid (2,)) as the kernel takes them.
+        """(parameters (n, columns), switches (n, effects), planar pair or not, rigid (3,)) as the kernel takes them.
 
         Raises MethodError for an effect that is not in the vocabulary.
         """
@@ -112,7 +130,12 @@ class StructuredModel(Model):
                 order = [p.name for p in known[name].parameters]
                 parameters[j, kernel.offsets[name] : kernel.offsets[name] + len(order)] = [values[p] for p in order]
                 switches[j, kernel.switches[name]] = True
-        return parameters, switches, self.coupling is not None, np.array(self.coupling or (0.0, 1.0))
+        return (
+            parameters,
+            switches,
+            self.coupling is not None,
+            np.zeros(3) if self.coupling is None else self.coupling.rigid,
+        )
 
     def without(self, joint: int, effect: str) -> StructuredModel:
         """The same model with one effect (or the compensator) of a joint left out, nothing refitted."""
@@ -206,9 +229,7 @@ class StructuredModel(Model):
             "model": "structured",
             "units": "input-equivalent: torques in units of the command; angles rad, lengths m, times s",
             "sample_time": self.sample_time,
-            "coupling": None
-            if self.coupling is None
-            else {"coupling_inertia": self.coupling[0], "unit_ratio": self.coupling[1]},
+            "coupling": None if self.coupling is None else asdict(self.coupling),
             "joints": [
                 {
                     "joint": part.joint,
@@ -243,7 +264,7 @@ class StructuredModel(Model):
             for item in content["joints"]
         )
         pair = content["coupling"]
-        coupling = None if pair is None else (pair["coupling_inertia"], pair["unit_ratio"])
+        coupling = None if pair is None else PlanarCoupling(**pair)
         return StructuredModel(parts, content["sample_time"], coupling, tuple(vocabulary))
 
 

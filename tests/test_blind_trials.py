@@ -49,9 +49,9 @@ def trial_of(case: Case) -> Trial:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.effect or case.kind} in {case.family}")
 def test_hidden_effect_is_found(case: Case) -> None:
     trial = trial_of(case)
-    finding = diagnose(trial)
-    named = [item.name for item in finding.accepted]
-    assert outcome(trial, finding) == "right", f"{finding.verdict}: {named}"
+    diagnosis, _ = diagnose(trial)
+    named = [item["name"] for item in diagnosis["effects"]]
+    assert outcome(trial.truth, diagnosis) == "right", f"{diagnosis['verdict']}: {named}"
 
 
 def test_the_trials_cover_every_stage() -> None:

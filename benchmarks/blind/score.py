@@ -4,77 +4,138 @@
     results/blind/kept_apart.csv
     python -m benchmarks.blind.score table results/blind/kept_apart.csv
 
-`run` appends one row per trial and skips those that are there, so that an interrupted run goes on where it stopped. The
-diagnosis sees the logs and their sidecars, never the truth.
+Each trial's logs are written to a folder of their own, and ``adeptone diagnose`` runs on it as a separate process that
+is given nothing else. `run` appends one row per trial and skips those that are there, so that an interrupted run goes
+on where it stopped.
 """
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 import pandas as pd
 import typer
 
-from benchmarks.blind.trials import KEPT_APART, Trial, make_trial
-from diagnosis.engine import Finding, find
-from diagnosis.preparation import arrange, structure
-from diagnosis.problem import stack
-from methods.effects import built_in
-from methods.kernel import build
+from benchmarks.blind.trials import KEPT_APART, Trial, Truth, make_trial, write_trial
 
 SINGLE_JOINT = ("adept_j1", "adept_j2", "adept_j3", "adept_j4", "servo", "pendulum", "rotor", "stage")
+PAIRED = (*SINGLE_JOINT, "pair")
+"""Families of machines that kinds rotate through; two effects may also be hidden in two joints that move together."""
+INCIDENTAL = ("phase", "time", "rest_angle")
+"""Parameters whose zero is arbitrary: their relative error means nothing."""
+TIME_LIMIT = 900.0
 application = typer.Typer(add_completion=False, help="Blind trials of the diagnosis.")
 
 
-def diagnose(trial: Trial) -> Finding:
-    """The diagnosis of the joint in question from the logs alone."""
-    effects = built_in()
-    kernel = build(effects)
-    recordings = arrange(trial.train, trial.holdout, None)
-    first = recordings.fitted[0]
-    joint = trial.truth.effects[0].joint if trial.truth.effects else first.joints[0]
-    problem = stack(kernel, recordings.fitted, (joint,))
-    return find(problem, (structure(first, joint, recordings.robot),), effects)
+def diagnose(trial: Trial) -> tuple[dict[str, Any], float]:
+    """`diagnosis.json` made by the command line from the logs alone, and the seconds of the whole command.
+
+    Raises ValueError with the command's own words when it refuses the logs.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        logs, out = folder / "logs", folder / "out"
+        write_trial(trial, logs, folder / "truth")
+        train = [str(logs / f"{log.name}.csv") for log in trial.train]
+        holdout = [item for log in trial.holdout for item in ("--holdout", str(logs / f"{log.name}.csv"))]
+        for path in (folder / "truth").iterdir():
+            path.unlink()
+        command = [sys.executable, "-m", "adeptone", "diagnose", *train, *holdout, "--out", str(out)]
+        begin = time.perf_counter()
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TIME_LIMIT)
+        seconds = time.perf_counter() - begin
+        if done.returncode:
+            raise ValueError(done.stderr.strip()[-300:])
+        return json.loads((out / "diagnosis.json").read_text(encoding="utf-8")), seconds
 
 
-def outcome(trial: Trial, finding: Finding) -> str:
+def outcome(truth: Truth, diagnosis: Mapping[str, Any]) -> str:
     """``right``, ``missed`` (nothing named), ``unsure`` (unknown, or ambiguous with the truth among the names),
     ``wrong``.
 
     Known physics of the machine (a pendulum's gravity) may be named or not. Sets of names that the truth lists as
-    equivalent are as right as the hidden ones.
+    equivalent are as right as the hidden ones. The joint counts as well as the name.
     """
-    truth = trial.truth
-    structural = {name for _, name in truth.structure}
-    named = {item.name for item in finding.accepted} - structural
-    hidden = {effect.hidden.name for effect in truth.effects}
-    accepted_sets = [hidden - structural, hidden]
+    verdict = diagnosis["verdict"]
+    structural = {(joint, name) for joint, name in truth.structure}
+    named = {(item["joint"], item["name"]) for item in diagnosis["effects"]} - structural
+    hidden = {(effect.joint, effect.hidden.name) for effect in truth.effects}
+    accepted_sets = [hidden]
     for effect in truth.effects:
-        accepted_sets += [(hidden - {effect.hidden.name}) | set(other) for other in effect.hidden.equivalent]
-    accepted_sets += [names - structural for names in accepted_sets]
+        others = hidden - {(effect.joint, effect.hidden.name)}
+        accepted_sets += [others | {(effect.joint, name) for name in names} for names in effect.hidden.equivalent]
+    accepted_sets = [names - structural for names in accepted_sets]
     if truth.foreign:
-        exact = any(named == set(other) for effect in truth.effects for other in effect.hidden.equivalent)
-        return (
-            "right"
-            if finding.verdict == "unknown" or (exact and finding.verdict == "named")
-            else ("missed" if finding.verdict == "none" else "wrong")
-        )
-    if not hidden:
-        return (
-            "right"
-            if finding.verdict in ("none", "named") and not named
-            else ("unsure" if finding.verdict == "unknown" else "wrong")
-        )
-    if finding.verdict == "unknown":
+        exact = any(named == names for names in accepted_sets[1:])
+        if verdict == "unknown" or (exact and verdict == "named"):
+            return "right"
+        return "missed" if verdict == "none" else "wrong"
+    if verdict == "unknown":
         return "unsure"
-    if any(named == names for names in accepted_sets):
+    if not hidden:
+        return "right" if not named else "wrong"
+    if any(named == names for names in accepted_sets) and verdict == "named":
         return "right"
-    if finding.verdict == "ambiguous":
-        every = named | {rival.name for item in finding.accepted for rival in item.rivals}
-        return "unsure" if hidden <= every else "wrong"
+    if verdict == "ambiguous":
+        rivals = {(item["joint"], other["name"]) for item in diagnosis["effects"] for other in item["alternatives"]}
+        return "unsure" if any(names <= named | rivals for names in accepted_sets) else "wrong"
     return "wrong" if named else "missed"
+
+
+def compared(truth: Truth, diagnosis: Mapping[str, Any]) -> list[tuple[str, float, float, float]]:
+    """(effect.parameter, true value, estimate, standard deviation), input-equivalent, of what was rightly named."""
+    found = []
+    for item in diagnosis["effects"]:
+        for effect in truth.effects:
+            if (item["joint"], item["name"]) != (effect.joint, effect.hidden.name):
+                continue
+            for name, parameter in effect.hidden.parameters.items():
+                if name in INCIDENTAL or name not in item["parameters"]:
+                    continue
+                estimate = item["parameters"][name]["input_equivalent"]
+                true = parameter.value if parameter.input_equivalent is None else parameter.input_equivalent
+                found.append((f"{item['name']}.{name}", true, estimate["value"], estimate["std"]))
+    return found
+
+
+def row(seed: int, kind: str, family: str) -> dict[str, Any]:
+    """One trial, made, diagnosed and scored. Raises ValueError when no such trial exists or the logs are refused."""
+    trial = make_trial(seed, kind, family)
+    truth = trial.truth
+    diagnosis, seconds = diagnose(trial)
+    return {
+        "seed": seed,
+        "kind": kind,
+        "family": family,
+        "hidden": "+".join(sorted(effect.hidden.name for effect in truth.effects)) or "nothing",
+        "law": "+".join(effect.hidden.law for effect in truth.effects),
+        "visibility": min((effect.visibility for effect in truth.effects), default=np.nan),
+        "verdict": diagnosis["verdict"],
+        "named": "+".join(item["name"] for item in diagnosis["effects"]),
+        "rivals": "+".join(other["name"] for item in diagnosis["effects"] for other in item["alternatives"]),
+        "outcome": outcome(truth, diagnosis),
+        "parameters": json.dumps(compared(truth, diagnosis)),
+        "closed": (diagnosis["gap"] or {}).get("closed"),
+        "amplifier_noise": truth.amplifier_noise[0],
+        "samples": sum(len(log) for log in trial.train),
+        "sample_time": trial.train[0].sample_time,
+        "loop": trial.train[0].loop,
+        "seconds": round(seconds, 2),
+    }
+
+
+def family_of(seed: int, kind: str, position: int) -> str:
+    """The family of machines whose turn it is."""
+    families = PAIRED if kind == "pair" else SINGLE_JOINT
+    return families[(3 * seed + position) % len(families)]
 
 
 @application.command()
@@ -94,46 +155,41 @@ def run(
         for position, kind in enumerate(kinds.split(",")):
             if (seed, kind) in done:
                 continue
-            family = SINGLE_JOINT[(3 * seed + position) % len(SINGLE_JOINT)]
+            family = family_of(seed, kind, position)
             try:
-                trial = make_trial(seed, kind, family)
+                found = row(seed, kind, family)
             except ValueError as error:
                 typer.echo(f"{seed} {kind}: {error}")
                 continue
-            begin = time.perf_counter()
-            finding = diagnose(trial)
-            seconds = time.perf_counter() - begin
-            row = {
-                "seed": seed,
-                "kind": kind,
-                "family": family,
-                "hidden": "+".join(sorted(e.hidden.name for e in trial.truth.effects)) or "nothing",
-                "law": "+".join(e.hidden.law for e in trial.truth.effects),
-                "verdict": finding.verdict,
-                "named": "+".join(item.name for item in finding.accepted),
-                "rivals": "+".join(rival.name for item in finding.accepted for rival in item.rivals),
-                "outcome": outcome(trial, finding),
-                "explained": finding.nominal.criterion - finding.final.criterion,
-                "left": finding.remainders[0].decrease,
-                "left_share": finding.remainders[0].share,
-                "samples": sum(len(log) for log in trial.train),
-                "sample_time": trial.train[0].sample_time,
-                "loop": trial.train[0].loop,
-                "seconds": seconds,
-            }
-            pd.DataFrame([row]).to_csv(out, mode="a", header=not out.exists(), index=False)
+            pd.DataFrame([found]).to_csv(out, mode="a", header=not out.exists(), index=False)
             typer.echo(
-                f"{seed} {kind:8s} {family:9s} {row['hidden']} -> {finding.verdict} {row['named']}: {row['outcome']}"
+                f"{seed} {kind:8s} {family:9s} {found['hidden']} -> {found['verdict']} {found['named']}: "
+                f"{found['outcome']} ({found['seconds']:.0f} s)"
             )
 
 
 @application.command()
 def table(rows: Annotated[Path, typer.Argument(help="CSV written by run.")]) -> None:
-    """Prints the outcomes per kind and every trial that was not right."""
-    data = pd.read_csv(rows).fillna("")
+    """Prints the outcomes per kind, parameter errors and coverage, and every trial that was not right."""
+    data = pd.read_csv(rows, keep_default_na=False)
     typer.echo(pd.crosstab(data.kind, data.outcome).to_string())
-    typer.echo(f"median seconds {data.seconds.median():.1f}")
-    columns = ["seed", "kind", "family", "hidden", "law", "verdict", "named", "rivals", "outcome"]
+    single = data[(data.kind == "single") & (data.outcome == "right")]
+    compared_rows = [
+        (abs(value / true - 1.0), abs(value - true) < 1.645 * std, noise > 0.0)
+        for parameters, noise in zip(single.parameters, single.amplifier_noise.astype(float), strict=True)
+        for _, true, value, std in json.loads(parameters)
+        if true
+    ]
+    if compared_rows:
+        found = pd.DataFrame(compared_rows, columns=["error", "covered", "amplifier noise"])
+        summary = found.groupby("amplifier noise").agg(
+            parameters=("error", "size"), median_error=("error", "median"), coverage=("covered", "mean")
+        )
+        typer.echo(summary.to_string())
+        closed = pd.to_numeric(single.closed, errors="coerce")
+        typer.echo(f"median share of the explainable gap closed: {closed.median():.4f}")
+    typer.echo(f"median seconds {data.seconds.astype(float).median():.1f}")
+    columns = ["seed", "kind", "family", "hidden", "law", "visibility", "verdict", "named", "rivals", "outcome"]
     typer.echo(data[data.outcome != "right"][columns].to_string(index=False))
 
 

@@ -28,12 +28,11 @@ from methods.idim_least_squares import IdimLeastSquares
 from methods.joint_model import JointModel
 from methods.kernel import NOMINAL
 from methods.least_squares import long_run_scatter
+from methods.physical_joint import FRICTION, SIGNED, parameter_unit, physical_model, physical_parameters
 from methods.registry import METHODS
-from methods.regressor import ColumnName, column_unit
-from methods.structured import StructuredJoint, StructuredModel
+from methods.structured import StructuredModel
 from methods.usable_logs import check_joint
 
-FRICTION = "coulomb_friction"
 GONE = 1e3
 """Error [rad or m] that stands for a simulation that left all bounds."""
 
@@ -71,30 +70,6 @@ class OutputError(Method):
             seconds=time.perf_counter() - begin,
             notes=(f"{found.nfev} simulations of {len(segments.bounds) - 1} segments of up to {self.horizon:g} s",),
         )
-
-
-def physical_parameters(model: JointModel) -> dict[str, float]:
-    """Kernel parameters from linear coefficients, a1 = J T_e, a2 = J, all damping in one place; friction >= 0."""
-    given = dict(zip(model.columns, model.coefficients.tolist(), strict=True))
-    inertia = given["acceleration"]
-    voltage = model.input == "voltage"
-    found = {"inertia": inertia, "back_emf" if voltage else "viscous": max(given.get("velocity", 0.0), 0.0)}
-    if "jerk" in given:
-        found["electrical_time_constant"] = given["jerk"] / inertia
-    if "constant" in given:
-        found["load"] = given["constant"]
-    if "sine" in given:
-        found["gravity_sine"], found["gravity_cosine"] = given["sine"], given["cosine"]
-    found[FRICTION] = max(given.get("coulomb", 0.0), 0.0)
-    return found
-
-
-def parameter_unit(name: str, facts: JointFacts) -> str:
-    """Unit of a kernel parameter in units of the command."""
-    if name == "electrical_time_constant":
-        return "s"
-    columns: dict[str, ColumnName] = {"inertia": "acceleration", "viscous": "velocity", "back_emf": "velocity"}
-    return column_unit(columns.get(name, "constant"), facts)
 
 
 def covariance(found: OptimizeResult) -> Array:
@@ -149,11 +124,6 @@ class Segments:
         return self.stacked("time"), command, total, self.stacked("position")[:, None]
 
     @cached_property
-    def least_friction(self) -> float:
-        """Friction below which there is none [unit of the command]: a bound that was hit."""
-        return 1e-6 * float(np.std(self.signals[1]))
-
-    @cached_property
     def kept(self) -> np.ndarray:
         """Rows that are compared."""
         every = [max(1, round(1.0 / (self.rate * log.sample_time))) for log, _, _ in self.cuts]
@@ -162,11 +132,7 @@ class Segments:
 
     def model(self, values: Array) -> StructuredModel:
         """The joint with these values of `names`."""
-        nominal = {name: float(value) for name, value in zip(self.names, values, strict=True)}
-        friction = nominal.pop(FRICTION)
-        effects = {FRICTION: {"torque": friction}} if friction > self.least_friction else {}
-        part = StructuredJoint(self.joint, self.facts.input, nominal, effects, self.facts.position_unit)
-        return StructuredModel((part,), self.logs[0].sample_time)
+        return physical_model(self.joint, self.facts, dict(zip(self.names, values.tolist(), strict=True)), self.logs)
 
     def errors(self, vectors: Array) -> Array:
         """Recorded less simulated position (C, N) of candidates (C, P + 2 S)."""
@@ -201,7 +167,7 @@ class Segments:
         typical = self.typical(guess)
         least = np.full(len(start), -np.inf)
         for k, name in enumerate(self.names):
-            if name not in ("load", "gravity_sine", "gravity_cosine"):
+            if name not in SIGNED:
                 least[k] = 0.0
             if name in ("inertia", "electrical_time_constant"):
                 least[k] = 1e-3 * start[k]

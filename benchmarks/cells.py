@@ -6,21 +6,21 @@ import hashlib
 import inspect
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from benchmarks import fingerprint, isolation
-from benchmarks.tasks.base import TAGS, TASKS, Task, load_tasks
+from benchmarks.tasks.base import TAGS, TASKS, Task, TaskData, always, load_tasks, no_files
 from benchmarks.worker import Contestant, Job, Questions
-from benchmarks.yardstick import METRICS, Examination, score
-from methods.base import MethodError
+from benchmarks.yardstick import Examination, score, unanswered
 
 CEILING = "ceiling"
 """Tag of the contestant that is told the names of the hidden effects."""
-YARDSTICK = ("yardstick.py", "worker.py", "isolation.py", "cells.py")
+YARDSTICK = ("yardstick.py", "worker.py")
+"""Files of which a change makes every row another one."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +93,15 @@ def task_code(task: Task, reference: TaskReference) -> str:
 def make_examination(reference: TaskReference, seed: int) -> Prepared:
     """Makes the data of one seed; meant for a child process, where it is not slowed down by others."""
     task = reference.load()
+    shown = replace(task, make=_made, skip=always, identity=no_files)  # a plugin's functions stay where they are
     try:
-        return Prepared(task, Examination.of(task, task.make(0 if task.deterministic else seed)))
-    except (MethodError, ValueError) as error:
-        return Prepared(task, None, "failed", f"the task's data cannot be made: {' '.join(str(error).split())}")
+        return Prepared(shown, Examination.of(shown, task.make(0 if task.deterministic else seed)))
+    except ValueError as error:
+        return Prepared(shown, None, "failed", f"the task's data cannot be made: {' '.join(str(error).split())}")
+
+
+def _made(seed: int) -> TaskData:
+    raise RuntimeError("the data of this task have been made already")
 
 
 def prepare(reference: TaskReference, seed: int) -> Prepared:
@@ -111,8 +116,21 @@ def prepare(reference: TaskReference, seed: int) -> Prepared:
 def run_cell(item: Cell, prepared: Prepared) -> dict[str, Any]:
     """The row of a cell. Nothing that a method does raises here."""
     begin = time.perf_counter()
-    task, contestant = prepared.task, item.contestant
-    row: dict[str, Any] = {
+    row = _blank(item, prepared.task, prepared.status, prepared.reason)
+    if prepared.examination is not None:
+        row |= _contest(item, prepared.examination)
+    return _finished(row, begin)
+
+
+def failed_row(item: Cell, status: str, reason: str) -> dict[str, Any]:
+    """The row of a cell that could not be tried."""
+    return _finished(_blank(item, item.task.load(), status, reason), time.perf_counter())
+
+
+def _blank(item: Cell, task: Task, status: str, reason: str) -> dict[str, Any]:
+    """All columns, figures unknown."""
+    contestant = item.contestant
+    return {
         "task": task.name,
         "method": contestant.key,
         "label": contestant.label,
@@ -122,24 +140,15 @@ def run_cell(item: Cell, prepared: Prepared) -> dict[str, Any]:
         "joints": "+".join(map(str, task.joints)),
         "seed": item.seed,
         "fingerprint": item.fingerprint,
-        "status": prepared.status,
-        "reason": prepared.reason,
+        "status": status,
+        "reason": reason,
         "convergence": "",
-        **{name: float("nan") for name in METRICS},
-        "noise_floor_inverse": float("nan"),
-        "noise_floor_simulation": float("nan"),
-        "command_unit": "",
-        "position_unit": "",
-        "inverse_error_by_joint": [],
-        "simulation_error_by_joint": [],
-        "curve": [],
-        "curve_horizons": [],
-        "named": "",
-        "naming_outcome": "",
+        **unanswered(),
         "horizons": list(task.horizons_seconds),
     }
-    if prepared.examination is not None:
-        row |= _contest(item, prepared.examination)
+
+
+def _finished(row: dict[str, Any], begin: float) -> dict[str, Any]:
     row |= fingerprint.provenance()
     row["total_seconds"] = time.perf_counter() - begin
     row["finished_at"] = datetime.now(UTC).isoformat(timespec="milliseconds")

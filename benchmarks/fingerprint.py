@@ -107,6 +107,13 @@ def versions() -> dict[str, str]:
 
 
 @cache
+def installation() -> str:
+    """Hash of all code of the project and of the versions: whether two machines compute the same rows."""
+    files = [path for room in ROOMS for path in sorted((ROOT / room).rglob("*.py"))]
+    return digest([(str(path.relative_to(ROOT)), _content_hash(path)) for path in files], versions())
+
+
+@cache
 def provenance() -> dict[str, str]:
     """Where a row comes from, for its reader; no part of its fingerprint but `versions_hash`."""
     return {

@@ -67,12 +67,14 @@ class Watch:
 
     def _run(self) -> None:
         base: int | None = None
+        rounds = 0
         while not self._done.wait(WATCH_SECONDS):
-            if not self.process.is_alive():
+            if not _alive(self.process.pid):
                 kill(self.process)  # grandchildren that hold the pipe open
                 return
-            resident = _resident(self.process.pid)
-            base = resident if base is None else min(base, resident)
+            resident = _resident(self.process.pid, descendants=rounds % 10 == 9)
+            rounds += 1
+            base = min(base or resident, resident)
             if resident - base > self.memory_gib * GIB:
                 self._end("out_of_memory", f"more than {self.memory_gib:g} GiB of memory")
             elif time.monotonic() > self.deadline:
@@ -220,11 +222,19 @@ def kill(process: ForkServerProcess) -> None:
         process.kill()
 
 
-def _resident(pid: int | None) -> int:
-    """Resident memory of a process and its descendants [B]; 0 when it is gone."""
+def _alive(pid: int | None) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.Error:
+        return False
+
+
+def _resident(pid: int | None, *, descendants: bool) -> int:
+    """Resident memory of a process [B], with that of its descendants when asked for; 0 when it is gone."""
     try:
         process = psutil.Process(pid)
-        return sum(item.memory_info().rss for item in [process, *process.children(recursive=True)])
+        whole = [process, *(process.children(recursive=True) if descendants else ())]
+        return sum(item.memory_info().rss for item in whole)
     except psutil.Error:
         return 0
 

@@ -9,7 +9,7 @@ soon as it is there: an interrupted run goes on where it stopped.
 from __future__ import annotations
 
 import threading
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -48,6 +48,49 @@ def run(
     """
     cells = plan(tasks, methods, seeds)
     run_cells(cells, store, workers=workers, scheduler=scheduler, progress=progress, retry=retry)
+
+
+def command(
+    suite: str | None,
+    tasks: Sequence[str],
+    methods: Sequence[str],
+    seeds: str | None,
+    out: Path,
+    *,
+    workers: int,
+    scheduler: str | None = None,
+    retry: bool = False,
+) -> str:
+    """``adeptone bench run``: what is left out comes from the suite, by default ``quick``; returns the closing line.
+
+    Raises RegistryError, in one line, for an unknown suite, task or method, and for seeds that are no numbers.
+    """
+    from benchmarks.suites import SUITES
+
+    name = suite or "quick"
+    if name not in SUITES:
+        raise RegistryError(f"there is no suite {name!r}. Known: {', '.join(sorted(SUITES))}")
+    chosen = SUITES[name]
+    cells = plan(tasks or chosen.tasks, methods or chosen.methods, read_seeds(seeds) if seeds else chosen.seeds)
+    store = Store(out)
+    run_cells(cells, store, workers=workers, scheduler=scheduler, retry=retry)
+    done = store.fingerprints()
+    counts = Counter(done[item.fingerprint] for item in cells)
+    return f"{len(cells)} rows in {out}: " + ", ".join(f"{count} {status}" for status, count in counts.most_common())
+
+
+def read_seeds(text: str) -> tuple[int, ...]:
+    """Seeds from text: ``5`` is 0 to 4, ``2-4`` a range, ``1,3`` a list. Raises RegistryError for anything else."""
+    try:
+        if text.strip().isdigit():
+            return tuple(range(int(text)))
+        found: list[int] = []
+        for part in text.split(","):
+            first, dash, last = part.partition("-")
+            found += range(int(first), int(last if dash else first) + 1)
+        return tuple(dict.fromkeys(found))
+    except ValueError:
+        raise RegistryError(f"seeds are {text!r}. Write how many (5), a range (0-4) or a list (1,3)") from None
 
 
 def run_cells(

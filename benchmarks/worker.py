@@ -211,7 +211,7 @@ def describe(pipe: Connection) -> None:
 def _fit(job: Job) -> tuple[Model, dict[str, Any]]:
     method = load(job.contestant)
     if job.effects is not None:
-        method = replace(method, effects=job.effects)  # type: ignore[call-arg]
+        method = replace(method, effects=job.effects)  # type: ignore[type-var]
     rng = np.random.default_rng(job.entropy)
     begin = time.perf_counter()
     fit = method.fit(job.logs, rng)
@@ -286,7 +286,7 @@ def _line(error: BaseException) -> str:
 def _say(pipe: Connection, report: Mapping[str, Any], arrays: Mapping[str, Array] | None = None) -> None:
     buffer = io.BytesIO()
     text = np.frombuffer(json.dumps(report, default=str).encode(), dtype=np.uint8)
-    np.savez(buffer, report=text, **(arrays or {}))
+    np.savez(buffer, report=text, **dict(arrays or {}))  # type: ignore[arg-type]
     pipe.send_bytes(buffer.getvalue())
 
 

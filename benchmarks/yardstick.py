@@ -226,18 +226,32 @@ class Examination:
         return turning if turning.any() else ~turning
 
 
+def unanswered() -> dict[str, Any]:
+    """Every column that `score` fills, empty."""
+    return {
+        **{name: float("nan") for name in METRICS},
+        "noise_floor_inverse": float("nan"),
+        "noise_floor_simulation": float("nan"),
+        "command_unit": "",
+        "position_unit": "",
+        "inverse_error_by_joint": [],
+        "simulation_error_by_joint": [],
+        "curve": [],
+        "curve_horizons": [],
+        "named": "",
+        "naming_outcome": "",
+    }
+
+
 def score(examination: Examination, answers: Answers) -> dict[str, Any]:
     """Every column of a row that follows from the answers."""
-    row: dict[str, Any] = {name: float("nan") for name in METRICS}
-    facts = examination.data.held_out[0].facts
-    first = int(np.argmax(examination.rotary))
-    row |= {"command_unit": COMMAND_UNIT[facts[first].input], "position_unit": facts[first].position_unit}
-    floor = examination.data.floor
-    row["noise_floor_inverse"] = float("nan") if floor is None else floor.inverse
-    row["noise_floor_simulation"] = float("nan") if floor is None else floor.simulation
-    row |= {name: [] for name in ("inverse_error_by_joint", "simulation_error_by_joint", "curve")}
+    row = unanswered()
+    facts = examination.data.held_out[0].facts[int(np.argmax(examination.rotary))]
+    row |= {"command_unit": COMMAND_UNIT[facts.input], "position_unit": facts.position_unit}
     row["curve_horizons"] = list(examination.horizons)
-    row |= {"named": "", "naming_outcome": ""}
+    if examination.data.floor is not None:
+        row["noise_floor_inverse"] = examination.data.floor.inverse
+        row["noise_floor_simulation"] = examination.data.floor.simulation
     if answers.inverses is not None:
         row |= _inverse(examination, answers.inverses)
     if answers.simulations is not None:

@@ -187,6 +187,23 @@ class Playback(Excitation):
         return "playback"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Together(Excitation):
+    """One excitation per joint, each with its own random numbers."""
+
+    parts: tuple[Excitation, ...]
+
+    def sample(self, time: Array, rng: np.random.Generator) -> Array:
+        """One column per part."""
+        streams = rng.spawn(len(self.parts))
+        return np.column_stack([part.sample(time, own) for part, own in zip(self.parts, streams, strict=True)])
+
+    @property
+    def text(self) -> str:
+        """The parts' text forms."""
+        return " + ".join(part.text for part in self.parts)
+
+
 def build(member: Member, experiment: Experiment, pose: tuple[float, ...]) -> Excitation:
     """The excitation of an experiment on one member of the ensemble."""
     joints = member.joints
@@ -194,17 +211,7 @@ def build(member: Member, experiment: Experiment, pose: tuple[float, ...]) -> Ex
     level = tuple(experiment.scale * member.level(joint) for joint in joints)
     frequency = min(setup.frequency for setup in setups) * experiment.speed
     if experiment.form == "fourier":
-        reach = [REACH[joint] for joint in joints]
-        return FourierSeries(
-            joints=joints,
-            robot=adeptone(),
-            pose=pose,
-            period=5.0 / experiment.speed,
-            position=tuple(experiment.scale * near for near, _ in reach),
-            velocity=tuple(experiment.scale * fast for _, fast in reach),
-            command=COMMAND_SHARE,
-            output="position" if experiment.closed else "command",
-        )
+        return Together(joints=joints, parts=tuple(_series(joint, experiment, pose) for joint in joints))
     if experiment.form == "sine":
         sines = [training_sine(member.robot, setup) for setup in setups]
         amplitude = tuple(experiment.scale * float(sine.per_joint("amplitude")[0]) for sine in sines)
@@ -219,6 +226,20 @@ def build(member: Member, experiment: Experiment, pose: tuple[float, ...]) -> Ex
     if experiment.form == "prbs":
         return PRBS(joints=joints, amplitude=tuple(0.6 * volts for volts in level), bit_time=0.05 / experiment.speed)
     return Steps(joints=joints, amplitude=tuple(0.6 * volts for volts in level), dwell=0.4 / experiment.speed)
+
+
+def _series(joint: int, experiment: Experiment, pose: tuple[float, ...]) -> FourierSeries:
+    near, fast = REACH[joint]
+    return FourierSeries(
+        joints=(joint,),
+        robot=adeptone(),
+        pose=pose,
+        period=5.0 / experiment.speed,
+        position=experiment.scale * near,
+        velocity=experiment.scale * fast,
+        command=COMMAND_SHARE,
+        output="position" if experiment.closed else "command",
+    )
 
 
 def _start(joints: tuple[int, ...], experiment: Experiment) -> tuple[float, ...]:

@@ -241,6 +241,33 @@ def new_effect(
         typer.echo(path)
 
 
+@bench_app.command("run")
+def bench_run(
+    suite: Annotated[str | None, typer.Option("--suite", metavar="NAME", help="quick or full")] = None,
+    task: Annotated[
+        list[str] | None,
+        typer.Option("--task", metavar="NAME_OR_PATH", help="Instead of the suite's tasks; repeatable"),
+    ] = None,
+    method: Annotated[
+        list[str] | None,
+        typer.Option("--method", metavar="NAME_OR_PATH", help="Instead of the suite's methods; repeatable"),
+    ] = None,
+    seeds: Annotated[
+        str | None, typer.Option("--seeds", metavar="N", help="How many, or which: 5, 0-4, 1,3; instead of the suite's")
+    ] = None,
+    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Runs at once")] = 2,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where rows are kept")] = Path("results/bench"),
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A Dask scheduler that takes the work")
+    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Try again what did not end well")] = False,
+) -> None:
+    """Run methods on tasks; what is there already is not computed again."""
+    from benchmarks.runner import command
+
+    typer.echo(command(suite, task or [], method or [], seeds, out, workers=workers, scheduler=scheduler, retry=retry))
+
+
 @bench_app.command("report")
 def bench_report(
     results: Annotated[Path, typer.Option("--results", metavar="DIR", help="What `adeptone bench run` wrote")] = Path(

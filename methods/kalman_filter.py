@@ -6,8 +6,8 @@ that very step; each position reading corrects both (L. Ljung, IEEE Trans. Autom
 M. Gautier, P. Poignet, Control Eng. Pract. 9 (2001) 1361).
 
 The reading's variance is measured on the log; that of the disturbing acceleration is the one of `levels` with the
-likeliest innovations over the first `trial` seconds. The parameters start at IDIM-LS with the uncertainty `doubt`, and the second pass over the logs
-starts where the first ended.
+likeliest innovations over the first `trial` seconds. The parameters start at IDIM-LS with the uncertainty `doubt`, and
+the second pass over the logs starts where the first ended.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ LOGARITHMIC = 3
 class KalmanFilter(Method):
     """doubt: relative uncertainty of the start. levels: disturbing acceleration as shares of the acceleration's rms.
 
-    trial: see the module [s]. rounding: velocity over which friction turns, as a share of the largest speed. passes: over all logs.
+    trial: see the module [s]. rounding: velocity over which friction turns, as a share of the largest speed. passes:
+    over all logs.
     """
 
     start: IdimLeastSquares = field(default_factory=IdimLeastSquares)

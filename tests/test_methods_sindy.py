@@ -52,6 +52,18 @@ def test_an_equation_without_the_command_is_a_failure(log: Log) -> None:
     assert fit.notes == ("the sparse equation does not contain the command",)
 
 
-def test_the_weak_form_takes_one_log(log: Log) -> None:
+def test_the_weak_form_takes_logs_of_one_sample_time(log: Log) -> None:
+    halves = [log.slice(0, 3600), log.slice(3600, len(log))]
+    fit = Sindy("weak", every=1).fit(halves, np.random.default_rng(0))
+    assert isinstance(fit.model, SparseModel)
+    assert fit.model.coefficients[[1, 5]] == pytest.approx(TRUTH[[1, 5]], rel=0.1)
+    slower = Log(time=2.0 * log.time, command=log.command, position=log.position)
     with pytest.raises(MethodError, match="one time grid"):
-        Sindy("weak").fit([log, log], np.random.default_rng(0))
+        Sindy("weak").fit([log, slower], np.random.default_rng(0))
+
+
+def test_the_ensemble_gives_its_spread_as_covariance(log: Log) -> None:
+    fit = Sindy("ensemble", every=1).fit([log], np.random.default_rng(0))
+    assert isinstance(fit.model, SparseModel)
+    assert fit.model.coefficients[[1, 5]] == pytest.approx(TRUTH[[1, 5]], rel=0.1)
+    assert np.all(fit.estimates.standard_errors > 0.0)

@@ -10,11 +10,18 @@ import numpy as np
 
 from envs.log import JointFacts, Log, LogError
 from envs.log_statistics import quantisation_step
+from envs.plausibility import moved, works_backwards
 from envs.robot import Robot
 from envs.validation import Finding, command_column
 
 #: Share of a joint's range by which a position may exceed its limits before that is worth saying.
 MARGIN = 0.05
+#: Factor between the inertia of a recording and that of a robot's description from which this is said.
+OTHER_INERTIA = 4.0
+#: Factors between the inertias of two recordings from which this is said, and from which they are refused.
+OTHER_MACHINE, REFUSED_MACHINE = 2.5, 5.0
+#: Share of the command's variance that the rough physics has to explain before its inertia is believed.
+EXPLAINED = 0.7
 
 
 def with_robot(log: Log, robot: Robot) -> tuple[Log, tuple[Finding, ...]]:
@@ -51,6 +58,7 @@ def with_robot(log: Log, robot: Robot) -> tuple[Log, tuple[Finding, ...]]:
             )
         )
         findings += range_findings(log, robot, joint)
+    findings += inertia_findings(log, robot)
     return replace(log, facts=tuple(facts), robot=log.robot or robot.name), tuple(findings)
 
 
@@ -88,6 +96,48 @@ def range_findings(log: Log, robot: Robot, joint: int) -> Iterator[Finding]:
         )
 
 
+def inertia_findings(log: Log, robot: Robot) -> Iterator[Finding]:
+    """Whether the motion needs about the inertia that the robot has; only for a joint that moves alone."""
+    known = lone_inertia(log)
+    if known is None:
+        return
+    joint, inertia = known
+    at = np.array([0.5 * (item.lower.value + item.upper.value) for item in robot.joints])
+    at[~np.isfinite(at)] = 0.0
+    for column, number in enumerate(log.joints):
+        at[number - 1] = float(np.mean(log.position[:, column]))
+    described = float(robot.inertia_matrix(at)[joint - 1, joint - 1]) * robot.input_equivalent(joint)
+    ratio = inertia / described
+    if not 1.0 / OTHER_INERTIA < ratio < OTHER_INERTIA:
+        yield Finding(
+            "other_inertia",
+            f"joint {joint} moves as if it had {ratio:.2g} times the inertia that {robot.name} describes: wrong gear "
+            "ratio, unit or robot?",
+        )
+
+
+def lone_inertia(log: Log) -> tuple[int, float] | None:
+    """(joint, inertia in units of its command) of a recording in which one joint moves, where it can be told."""
+    found = moved(log)
+    if len(found) != 1 or np.sum(np.ptp(log.position, axis=0) > 0.0) != 1:
+        return None
+    ((joint, physics),) = found.items()
+    if physics.inertia is None or physics.inertia <= 0.0 or physics.explained < EXPLAINED:
+        return None
+    return joint, physics.inertia
+
+
+def check_signs(log: Log) -> None:
+    """Refuses a recording in which the motors take energy out of joints with friction."""
+    if works_backwards(log):
+        raise LogError(
+            "over the whole recording the commands take energy out of the joints, which no machine with friction does: "
+            "the sign of a command or of a position is wrong",
+            remedy="Turn the sign of one of them (scale = -1 in a column map)",
+            source=log.source or log.name,
+        )
+
+
 def check_together(logs: Sequence[Log]) -> tuple[Finding, ...]:
     """Whether several logs can come from one machine.
 
@@ -95,6 +145,8 @@ def check_together(logs: Sequence[Log]) -> tuple[Finding, ...]:
     """
     findings: list[Finding] = []
     first = logs[0]
+    for log in logs:
+        check_signs(log)
     for log in logs[1:]:
         for name, one, other in (
             ("the joints", list(first.joints), list(log.joints)),
@@ -109,7 +161,26 @@ def check_together(logs: Sequence[Log]) -> tuple[Finding, ...]:
                     source=log.source or log.name,
                 )
         findings += difference_findings(first, log)
+    findings += machine_findings(logs)
     return tuple(findings)
+
+
+def machine_findings(logs: Sequence[Log]) -> Iterator[Finding]:
+    """Whether all logs move the same inertia. Raises LogError when it differs as that of one machine never does."""
+    known = [(log, item) for log in logs if (item := lone_inertia(log)) is not None]
+    for log, (joint, inertia) in known[1:]:
+        other, (same, reference) = known[0]
+        ratio = max(inertia / reference, reference / inertia)
+        if joint != same or ratio < OTHER_MACHINE:
+            continue
+        said = f"joint {joint} of {log.name} moves {inertia / reference:.2g} times the inertia of that of {other.name}"
+        if ratio >= REFUSED_MACHINE:
+            raise LogError(
+                f"{said}: these are recordings of different machines, or in different units",
+                remedy="Give logs of one machine in the same units",
+                source=log.source or log.name,
+            )
+        yield Finding("different_machine", f"{said}: are they recordings of one machine?")
 
 
 def difference_findings(first: Log, log: Log) -> Iterator[Finding]:

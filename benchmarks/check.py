@@ -76,7 +76,7 @@ def check(
     path = reference.path_of(folder, suite)
     before = reference.read(path)
     _require(cells, before, path, suite)
-    runs = measure(cells, ("run",), workers=workers, progress=progress)
+    runs = measure(cells, "run", workers=workers, progress=progress)
     return _report(suite, cells, runs, before)
 
 
@@ -85,14 +85,16 @@ def update(
 ) -> tuple[Report, Path]:
     """Makes the reference of a suite, or of some methods on its tasks, anew; what moved, and the reference's path.
 
-    Every run is made twice, see `benchmarks.tolerance`. The file is replaced when all of them are there.
+    Runs on the suite's own seeds are made twice, see `benchmarks.tolerance`. The file is replaced when all are there.
     """
     chosen = find_suite(suite)
     seeds = reference_seeds(chosen)
     cells = plan(chosen.tasks, methods or chosen.methods, seeds)
     path = reference.path_of(folder, suite)
     before = reference.read(path)
-    runs = measure(cells, ("run", "rounding"), workers=workers, progress=progress)
+    repeated = [item for item in cells if item.seed in chosen.seeds]
+    runs = measure(cells, "run", workers=workers, progress=progress)
+    runs += measure(repeated, "rounding", workers=workers, progress=progress)
     absent = _absent(cells)
     renewed = {run.method for run in runs}
     kept = [run for run in before if run.method not in renewed or run.task in absent]
@@ -122,29 +124,28 @@ def workflow() -> str:
     return (files("benchmarks") / "templates" / WORKFLOW).read_text("utf-8")
 
 
-def measure(cells: Sequence[Cell], trials: Sequence[Trial], *, workers: int, progress: bool) -> list[Run]:
-    """Runs the cells on this machine, every trial of a cell one after the other; in the cells' order."""
+def measure(cells: Sequence[Cell], trial: Trial, *, workers: int, progress: bool) -> list[Run]:
+    """Runs the cells on this machine, so many at once; in the cells' order."""
     groups: dict[tuple[TaskReference, int], list[Cell]] = defaultdict(list)
     for item in cells:
         groups[item.task, item.seed].append(item)
-    found: dict[tuple[Cell, Trial], Run] = {}
+    found: dict[Cell, Run] = {}
     telling = threading.Lock()
-    with Progress(len(cells) * len(trials), 0, shown=progress) as bar:
+    with Progress(len(cells), 0, shown=progress) as bar:
 
-        def work(reference_of_task: TaskReference, seed: int, items: Sequence[Cell]) -> None:
-            prepared = prepare(reference_of_task, seed)
-            for trial in trials:
-                data = prepared if trial == "run" else rounded_otherwise(prepared)
-                for item in items:
-                    row = run_cell(item, data)
-                    with telling:
-                        found[item, trial] = Run.of(row, trial)
-                        bar.advance(row)
+        def work(task: TaskReference, seed: int, items: Sequence[Cell]) -> None:
+            prepared = prepare(task, seed)
+            prepared = rounded_otherwise(prepared) if trial == "rounding" else prepared
+            for item in items:
+                row = run_cell(item, prepared)
+                with telling:
+                    found[item] = Run.of(row, trial)
+                    bar.advance(row)
 
         with ThreadPoolExecutor(max_workers=max(1, workers), thread_name_prefix="check") as pool:
-            for task in [pool.submit(work, *key, items) for key, items in groups.items()]:
-                task.result()
-    return [found[item, trial] for trial in trials for item in cells]
+            for group in [pool.submit(work, *key, items) for key, items in groups.items()]:
+                group.result()
+    return [found[item] for item in cells]
 
 
 def rounded_otherwise(prepared: Prepared) -> Prepared:

@@ -3,11 +3,11 @@
 Errors are compared on a logarithmic scale: x = log(error + RESOLUTION), so that a change is a ratio.
 
 Same seeds. The fresh run repeats runs of the reference on the same logs, so nothing but rounding may differ: other
-processors and libraries add in another order. How far that carries is measured, not guessed: the reference holds every
-run a second time, on logs whose values are all larger by SCALED - 1 and which therefore round differently everywhere.
-The allowance is ROUNDING_MARGIN times the largest change that this caused, at least STEADY. A method that is trained
-for thousands of steps may amplify rounding to the size of its seed spread; never more than the allowance for other
-seeds is granted.
+processors and libraries add in another order. How far that carries is measured, not guessed: the reference holds the
+runs on the suite's own seeds a second time, on logs whose values are all larger by SCALED - 1 and which therefore round
+differently everywhere. The allowance is ROUNDING_MARGIN times the largest change that this caused, at least STEADY. A
+method that is trained for thousands of steps may amplify rounding to the size of its seed spread; never more than the
+allowance for other seeds is granted.
 
 Other seeds. With n values of mean m and standard deviation s in the reference, the mean of k fresh ones lies above
 m + t s sqrt(1/n + 1/k) with probability alpha, where t is Student's quantile at 1 - alpha with n - 1 degrees of freedom
@@ -33,8 +33,8 @@ STEADY = 1e-3
 SCALED = 1.0 + 2.0**-40
 """Factor on the logs of the second run of a reference."""
 ROUNDING_MARGIN = 10.0
-FALSE_ALARMS = 0.01
-"""Chance that a check with other seeds finds a regression where there is none."""
+FALSE_ALARMS = 0.002
+"""Chance that a check with other seeds finds a regression where there is none, were all figures log-normal."""
 FEWEST_SEEDS = 5
 """A reference needs this many seeds before it says anything about spread."""
 

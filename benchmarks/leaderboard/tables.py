@@ -113,7 +113,7 @@ def task_table(results: Results, t: int) -> Table:
     floors = noise_floors(results, t)
     cells = {(name, m): cell(results, name, m, t) for name in metrics for m in _present(results, t)}
     scales = {
-        name: scale_for([c.median for (own, _), c in cells.items() if own == name], results.unit(name, t))
+        name: _middle_scale([c.median for (own, _), c in cells.items() if own == name], results.unit(name, t))
         for name in metrics
     }
     rows, data = [], []
@@ -172,7 +172,7 @@ def published_table(results: Results) -> Table:
             lines = [*theirs, *((_label(results, m), value, OURS) for m, value in ours.items())]
             floor = noise_floors(results, t).get(metric)
             lines += [] if floor is None else [("noise floor", floor, NOISE)]
-            factor, shown = scale_for([value for _, value, _ in theirs], unit)
+            factor, shown = _middle_scale([value for _, value, _ in theirs], unit)
             for label, value, source in sorted(lines, key=lambda line: line[1]):
                 title = METRICS[metric].title
                 rows.append((task.name, title, label, f"{number(value * factor)} {pretty_unit(shown)}".strip(), source))
@@ -215,6 +215,12 @@ def _label(results: Results, m: int) -> str:
     """A contestant's name, and its role behind it."""
     contestant = results.contestants[m]
     return f"{contestant.name} ({contestant.role})" if contestant.role else contestant.name
+
+
+def _middle_scale(values: Sequence[float], unit: str) -> tuple[float, str]:
+    """Factor and unit in which the middle one of the finite values has one to three digits before the point."""
+    known = sorted(value for value in values if math.isfinite(value) and value > 0.0)
+    return scale_for(known[len(known) // 2 :][:1], unit)
 
 
 def _heading(metric: str, unit: str) -> str:

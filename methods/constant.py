@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +36,16 @@ class ConstantModel(Model):
 @dataclass(frozen=True)
 class Constant(Method):
     """Mean command for any motion; no motion for any command."""
+
+    @property
+    def expected_failures(self) -> Mapping[str, str]:
+        floor = "it is the floor of every table: it knows no motion"
+        return {
+            "covariance": "a mean of commands estimates nothing of the joint",
+            "recovery": floor,
+            "inverse_and_simulation_agree": floor,
+            "honest_status": floor,
+        }
 
     def fit(self, logs: Sequence[Log], rng: np.random.Generator) -> Fit:
         """Consumes no random numbers; any number of joints."""

@@ -32,7 +32,7 @@ OF_EFFECTS = {check.name: check for check in EFFECT_CHECKS}
 @pytest.mark.parametrize("entry", list(METHODS), ids=lambda entry: entry.name)
 def test_every_method_keeps_its_promises(entry: Entry[Method]) -> None:
     subject = MethodSubject(entry)
-    expected = subject.kind.expected_failures
+    expected = subject.new().expected_failures
     assert undeclared(METHOD_CHECKS, expected) == ()
     failed = [r.line for r in examine_all(METHOD_CHECKS, subject, expected) if r.outcome is Outcome.FAILED]
     assert failed == []
@@ -181,7 +181,7 @@ def test_a_broken_method_fails_its_check(defect: str, check: str, reason: str) -
     entry: Entry[Method] = Entry(
         "broken", lambda: Broken(defect=defect), frozenset(("single-joint", "physics")), "test"
     )
-    subject = MethodSubject(replace(entry, factory=lambda **_: Broken(defect=defect)))
+    subject = MethodSubject(replace(entry, factory=lambda: Broken(defect=defect)))
     state = np.random.get_state()  # noqa: NPY002
     try:
         (result,) = examine_all([CHECKS[check]], subject)
@@ -198,7 +198,7 @@ def test_a_declared_failure_is_shown_with_its_reason_and_must_happen() -> None:
     (result,) = examine_all([broken], subject, {"no_logs": "it likes none"})
     assert result.outcome is Outcome.FAILED
     assert "it likes none" in result.reason
-    raising = MethodSubject(Entry("broken", lambda **_: Broken(defect="covariance"), frozenset(), "test"))
+    raising = MethodSubject(Entry("broken", lambda: Broken(defect="covariance"), frozenset(), "test"))
     (result,) = examine_all([CHECKS["covariance"]], raising, {"covariance": "it has no room"})
     assert result.outcome is Outcome.EXPECTED
     assert "it has no room" in result.line

@@ -49,12 +49,8 @@ class MethodSubject:
 
     def new(self) -> Method:
         """The method as it is checked, a new object each time."""
-        return self.entry.factory(**self.kind.check_settings)
-
-    @cached_property
-    def kind(self) -> type[Method]:
-        """The method's class."""
-        return type(self.entry.factory())
+        method = self.entry.factory()
+        return dataclasses.replace(method, **method.check_settings) if method.check_settings else method  # type: ignore[type-var]
 
     @cached_property
     def log(self) -> Log:
@@ -410,7 +406,7 @@ def prepare_method(text: str, budget: float) -> Prepared:
     """What `adeptone check-method` checks. Raises RegistryError when there is no such method."""
     entry = find_method(text)
     method = build_method(entry)
-    return Prepared(METHOD_CHECKS, MethodSubject(entry, budget), dict(type(method).expected_failures))
+    return Prepared(METHOD_CHECKS, MethodSubject(entry, budget), dict(method.expected_failures))
 
 
 def _refuses(

@@ -15,7 +15,7 @@ from benchmarks.cells import Cell, Prepared, TaskReference, prepare, run_cell
 from benchmarks.comparison import SHARES, Finding, compare
 from benchmarks.progress import Progress
 from benchmarks.reference import CheckError, Run, Trial
-from benchmarks.runner import plan
+from benchmarks.runner import plan, read_seeds
 from benchmarks.suites import SUITES, Suite
 from benchmarks.yardstick import METRICS
 from diagnosis.quantities import number, quantity
@@ -61,18 +61,18 @@ def check(
     methods: Sequence[str],
     folder: Path,
     *,
-    seeds: Sequence[int] = (),
+    seeds: str | None = None,
     workers: int = 2,
     progress: bool = True,
 ) -> Report:
     """A fresh run of a suite, or of other methods on its tasks, against the reference in a folder.
 
-    methods: names or files; the suite's own when empty. seeds: others than the suite's own.
+    methods: names or files; the suite's own when empty. seeds: others than the suite's own, see `benchmarks.runner.read_seeds`.
 
     Raises CheckError when the suite is unknown or a method has no reference, RegistryError for unknown methods.
     """
     chosen = find_suite(suite)
-    cells = plan(chosen.tasks, methods or chosen.methods, seeds or chosen.seeds)
+    cells = plan(chosen.tasks, methods or chosen.methods, read_seeds(seeds) if seeds else chosen.seeds)
     path = reference.path_of(folder, suite)
     before = reference.read(path)
     _require(cells, before, path, suite)

@@ -67,7 +67,7 @@ def check(
 ) -> Report:
     """A fresh run of a suite, or of other methods on its tasks, against the reference in a folder.
 
-    methods: names or files; the suite's own when empty. seeds: others than the suite's own, see `benchmarks.runner.read_seeds`.
+    methods: names or files; the suite's own when empty. seeds: instead of its own, see `benchmarks.runner.read_seeds`.
 
     Raises CheckError when the suite is unknown or a method has no reference, RegistryError for unknown methods.
     """

@@ -23,10 +23,13 @@ from scipy.optimize import minimize
 
 from envs.log import Array, InputKind, Log
 from methods.base import Fit, Method
+from methods.differentiation import BandLimited
 from methods.equation import EquationModel, compile_balance
 from methods.idim_least_squares import IdimLeastSquares
 from methods.joint_model import JointModel
+from methods.joint_regression import parallel_filtered
 from methods.registry import METHODS
+from methods.regressor import regressor
 
 LINEAR = 9
 """Numbers of the linear part that lead the parameters: a1..a8 and w of `methods.joint_equation`."""
@@ -98,9 +101,7 @@ class GaussianProcess(Method):
         begin = time.perf_counter()
         first = self.physics.fit(logs, rng)
         assert isinstance(first.model, JointModel)
-        parts = self.physics.preparation.signals(logs)
-        inputs = np.concatenate([np.column_stack((p.motion.position, p.motion.velocity)) for p in parts])
-        target = np.concatenate([p.command[:, 0] - first.model.linear_part(p.motion) for p in parts])
+        inputs, target = self._left(logs, first.model)
         every = max(1, len(target) // self.most)
         inputs, target = inputs[::every], target[::every]
         chosen = rng.permutation(len(target))
@@ -132,6 +133,19 @@ class GaussianProcess(Method):
                 f"length scales {scales[0]:.3g} and {scales[1]:.3g}, signal {signal:.3g}, noise {noise:.3g}",
             ),
         )
+
+    def _left(self, logs: Sequence[Log], linear: JointModel) -> tuple[Array, Array]:
+        """Positions and velocities (T, 2) and what the physics leaves of the command (T,), behind the same filters."""
+        filter_ = BandLimited(self.physics.preparation.equations(logs).bandwidth)
+        inputs, target = [], []
+        for log in logs:
+            part, kernel = filter_.signals(log), filter_.kernel(0, log.sample_time)
+            matrix = regressor(part.motion, linear.columns, linear.reversal_velocity)
+            inner = slice(len(kernel) // 2, len(part) - len(kernel) // 2)
+            explained = parallel_filtered(matrix, linear.columns, kernel) @ linear.coefficients
+            inputs.append(np.column_stack((part.motion.position, part.motion.velocity))[inner])
+            target.append(part.command[inner, 0] - explained)
+        return np.concatenate(inputs), np.concatenate(target)
 
 
 def covariance(first: Array, second: Array, scales: Array) -> Array:

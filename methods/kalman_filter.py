@@ -20,11 +20,11 @@ import numpy as np
 from numba import njit
 
 from envs.log import Array, Log
-from methods.base import Estimates, Fit, Method, Status
+from methods.base import Fit, Method, Status
 from methods.idim_least_squares import IdimLeastSquares
 from methods.joint_model import JointModel
 from methods.joint_regression import position_noise
-from methods.physical_joint import FRICTION, SIGNED, parameter_unit, physical_model, physical_parameters
+from methods.physical_joint import FRICTION, SIGNED, coefficient_estimates, physical_model, physical_parameters
 from methods.registry import METHODS
 from methods.usable_logs import check_joint
 
@@ -97,12 +97,7 @@ class KalmanFilter(Method):
         named[FRICTION] = max(named[FRICTION], 0.0)
         return Fit(
             model=physical_model(joint, facts, named, logs),
-            estimates=Estimates(
-                names=tuple(named),
-                units=tuple(parameter_unit(name, facts) for name in named),
-                values=np.array(list(named.values())),
-                covariance=(covariance * np.outer(slopes, slopes))[np.ix_(kept, kept)],
-            ),
+            estimates=coefficient_estimates(named, (covariance * np.outer(slopes, slopes))[np.ix_(kept, kept)], facts),
             residuals=innovations,
             status=Status.CONVERGED if np.all(np.isfinite(mean)) else Status.FAILED,
             seconds=time.perf_counter() - begin,

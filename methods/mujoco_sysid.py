@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 from envs.log import Array, Log
-from methods.base import Estimates, Fit, Method, MethodError, State, Status
+from methods.base import Fit, Method, MethodError, State, Status
 from methods.idim_least_squares import IdimLeastSquares
 from methods.joint_model import JointModel
-from methods.physical_joint import FRICTION, SIGNED, parameter_unit, physical_model, physical_parameters
+from methods.physical_joint import FRICTION, SIGNED, coefficient_estimates, physical_model, physical_parameters
 from methods.registry import METHODS
 from methods.usable_logs import check_joint
 
@@ -94,16 +94,11 @@ class MujocoSysid(Method):
         )
         with contextlib.redirect_stdout(io.StringIO()):  # its progress cannot be switched off
             found, result = sysid.optimize(parameters, residual, verbose=False, max_iters=self.iterations, eps=1e-5)
-        values = found.as_vector() * scale
+        named = dict(zip(guess, (found.as_vector() * scale).tolist(), strict=True))
         errors = np.concatenate([np.ravel(part) for part in residual(result.x, found)[0]])
         return Fit(
-            model=physical_model(joint, facts, dict(zip(guess, values.tolist(), strict=True)), logs),
-            estimates=Estimates(
-                names=tuple(guess),
-                units=tuple(parameter_unit(name, facts) for name in guess),
-                values=values,
-                covariance=self._covariance(result, errors, scale),
-            ),
+            model=physical_model(joint, facts, named, logs),
+            estimates=coefficient_estimates(named, self._covariance(result, errors, scale), facts),
             residuals=errors,
             status=Status.CONVERGED,
             seconds=time.perf_counter() - begin,

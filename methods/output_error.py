@@ -23,12 +23,12 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.signal import savgol_filter
 
 from envs.log import Array, JointFacts, Log
-from methods.base import Estimates, Fit, Method, Status
+from methods.base import Fit, Method, Status
 from methods.idim_least_squares import IdimLeastSquares
 from methods.joint_model import JointModel
 from methods.kernel import NOMINAL
 from methods.least_squares import long_run_scatter
-from methods.physical_joint import FRICTION, SIGNED, parameter_unit, physical_model, physical_parameters
+from methods.physical_joint import FRICTION, SIGNED, coefficient_estimates, physical_model, physical_parameters
 from methods.registry import METHODS
 from methods.structured import StructuredModel
 from methods.usable_logs import check_joint
@@ -59,11 +59,8 @@ class OutputError(Method):
         size = len(guess)
         return Fit(
             model=segments.model(found.x[:size]),
-            estimates=Estimates(
-                names=tuple(guess),
-                units=tuple(parameter_unit(name, facts) for name in guess),
-                values=found.x[:size],
-                covariance=covariance(found)[:size, :size],
+            estimates=coefficient_estimates(
+                dict(zip(guess, found.x[:size].tolist(), strict=True)), covariance(found)[:size, :size], facts
             ),
             residuals=found.fun,
             status=Status.ITERATION_LIMIT if found.status == 0 else Status.CONVERGED,

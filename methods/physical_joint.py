@@ -12,7 +12,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from envs.log import JointFacts, Log
+from envs.log import Array, JointFacts, Log
+from methods.base import Estimates
 from methods.joint_model import JointModel
 from methods.regressor import ColumnName, column_unit
 from methods.structured import StructuredJoint, StructuredModel
@@ -39,12 +40,39 @@ def physical_parameters(model: JointModel) -> dict[str, float]:
     return found
 
 
-def parameter_unit(name: str, facts: JointFacts) -> str:
-    """Unit of a kernel parameter in units of the command."""
-    if name == "electrical_time_constant":
-        return "s"
-    columns: dict[str, ColumnName] = {"inertia": "acceleration", "viscous": "velocity", "back_emf": "velocity"}
-    return column_unit(columns.get(name, "constant"), facts)
+def columns_of(parameters: Mapping[str, float]) -> dict[ColumnName, float]:
+    """Coefficients of the linear equation (4) that these parameters amount to.
+
+    a1 = J T_e, a2 = J + T_e b, a3 = b + k, and the others as they are.
+    """
+    inertia, viscous = parameters["inertia"], parameters.get("viscous", 0.0)
+    lag = parameters.get("electrical_time_constant", 0.0)
+    found: dict[ColumnName, float] = {"jerk": inertia * lag} if lag > 0.0 else {}
+    found["acceleration"] = inertia + lag * viscous
+    found["velocity"] = viscous + parameters.get("back_emf", 0.0)
+    same: dict[str, ColumnName] = {
+        "load": "constant",
+        FRICTION: "coulomb",
+        "gravity_sine": "sine",
+        "gravity_cosine": "cosine",
+    }
+    return found | {column: parameters[name] for name, column in same.items() if name in parameters}
+
+
+def coefficient_estimates(parameters: Mapping[str, float], covariance: Array, facts: JointFacts) -> Estimates:
+    """The coefficients of `columns_of` with their covariance to first order, so that all contestants' compare."""
+    centre = columns_of(parameters)
+    slopes = np.zeros((len(centre), len(parameters)))
+    for k, (name, value) in enumerate(parameters.items()):
+        step = 1e-6 * (abs(value) + 1e-9)
+        moved = columns_of({**parameters, name: value + step})
+        slopes[:, k] = [(moved[column] - centre[column]) / step for column in centre]
+    return Estimates(
+        names=tuple(centre),
+        units=tuple(column_unit(column, facts) for column in centre),
+        values=np.array(list(centre.values())),
+        covariance=slopes @ covariance @ slopes.T,
+    )
 
 
 def physical_model(joint: int, facts: JointFacts, values: Mapping[str, float], logs: Sequence[Log]) -> StructuredModel:

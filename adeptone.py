@@ -302,12 +302,16 @@ def bench_check(
 ) -> None:
     """Run a suite afresh and compare it with its reference; exit 1 when something got worse."""
     from benchmarks import check
+    from benchmarks.store import Store
 
     methods = method or []
     if update:
         if seeds:
             raise typer.BadParameter("a reference has the suite's seeds; leave --seeds out with --update")
-        report, path = check.update(suite, methods, reference, workers=workers, progress=sys.stderr.isatty())
+        finished = Store(check.UNFINISHED)
+        report, path = check.update(
+            suite, methods, reference, workers=workers, progress=sys.stderr.isatty(), finished=finished
+        )
         typer.echo(report.text())
         typer.echo(path)
         return

@@ -12,10 +12,11 @@ from pathlib import Path
 
 from benchmarks import fingerprint, reference, tolerance
 from benchmarks.cells import Cell, Prepared, TaskReference, prepare, run_cell
-from benchmarks.comparison import SHARES, Finding, compare
+from benchmarks.comparison import SHARES, SKIPPED, Finding, compare
 from benchmarks.progress import Progress
 from benchmarks.reference import CheckError, Run, Trial
 from benchmarks.runner import plan, read_seeds
+from benchmarks.store import Store
 from benchmarks.suites import SUITES, Suite
 from benchmarks.yardstick import METRICS
 from diagnosis.quantities import number, quantity
@@ -24,6 +25,9 @@ from envs.log import Log
 REFERENCE_SEEDS = 10
 """Seeds of a reference: the suite's own, and further ones up to this number."""
 WORKFLOW = "accuracy.yml"
+OK = "ok"
+UNFINISHED = Path(".cache/adeptone/reference")
+"""Where an update that was interrupted left its runs."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +85,18 @@ def check(
 
 
 def update(
-    suite: str, methods: Sequence[str], folder: Path, *, workers: int = 2, progress: bool = True
+    suite: str,
+    methods: Sequence[str],
+    folder: Path,
+    *,
+    workers: int = 2,
+    progress: bool = True,
+    finished: Store | None = None,
 ) -> tuple[Report, Path]:
     """Makes the reference of a suite, or of some methods on its tasks, anew; what moved, and the reference's path.
 
-    Runs on the suite's own seeds are made twice, see `benchmarks.tolerance`. The file is replaced when all are there.
+    Runs on the suite's own seeds are made twice, see `benchmarks.tolerance`. The file is replaced when all are there;
+    until then they are kept in the store `finished`, so that an interrupted update goes on where it stopped.
     """
     chosen = find_suite(suite)
     seeds = reference_seeds(chosen)
@@ -93,8 +104,8 @@ def update(
     path = reference.path_of(folder, suite)
     before = reference.read(path)
     repeated = [item for item in cells if item.seed in chosen.seeds]
-    runs = measure(cells, "run", workers=workers, progress=progress)
-    runs += measure(repeated, "rounding", workers=workers, progress=progress)
+    runs = measure(cells, "run", workers=workers, progress=progress, finished=finished)
+    runs += measure(repeated, "rounding", workers=workers, progress=progress, finished=finished)
     absent = _absent(cells)
     renewed = {run.method for run in runs}
     kept = [run for run in before if run.method not in renewed or run.task in absent]
@@ -124,14 +135,20 @@ def workflow() -> str:
     return (files("benchmarks") / "templates" / WORKFLOW).read_text("utf-8")
 
 
-def measure(cells: Sequence[Cell], trial: Trial, *, workers: int, progress: bool) -> list[Run]:
-    """Runs the cells on this machine, so many at once; in the cells' order."""
+def measure(
+    cells: Sequence[Cell], trial: Trial, *, workers: int, progress: bool, finished: Store | None = None
+) -> list[Run]:
+    """Runs the cells on this machine, so many at once; in the cells' order. What is in a store is taken from there."""
+    marks = {item: fingerprint.digest(item.fingerprint, trial) for item in cells}
+    rows = [] if finished is None else finished.history().to_dict("records")
+    known = {row["fingerprint"]: row for row in rows if row["status"] in (OK, SKIPPED)}
+    found = {item: Run.of(known[mark], trial) for item, mark in marks.items() if mark in known}
     groups: dict[tuple[TaskReference, int], list[Cell]] = defaultdict(list)
     for item in cells:
-        groups[item.task, item.seed].append(item)
-    found: dict[Cell, Run] = {}
+        if item not in found:
+            groups[item.task, item.seed].append(item)
     telling = threading.Lock()
-    with Progress(len(cells), 0, shown=progress) as bar:
+    with Progress(len(cells), len(found), shown=progress) as bar:
 
         def work(task: TaskReference, seed: int, items: Sequence[Cell]) -> None:
             prepared = prepare(task, seed)
@@ -140,6 +157,8 @@ def measure(cells: Sequence[Cell], trial: Trial, *, workers: int, progress: bool
                 row = run_cell(item, prepared)
                 with telling:
                     found[item] = Run.of(row, trial)
+                    if finished is not None:
+                        finished.append(row | {"fingerprint": marks[item]})
                     bar.advance(row)
 
         with ThreadPoolExecutor(max_workers=max(1, workers), thread_name_prefix="check") as pool:

@@ -25,7 +25,7 @@ def recording(inertia: float = 2.7, viscous: float = 5.8, dry: float = 0.58, see
         0.5 * np.sin(2.0 * np.pi * f * time + p) for f, p in zip(np.linspace(0.5, 6.0, 12), phases, strict=True)
     )
     position, x, v = np.zeros(len(time)), 0.0, 0.0
-    for k, u in enumerate(volts):  # type: ignore[arg-type]
+    for k, u in enumerate(volts):
         position[k] = x
         stop = inertia * v / STEP + u - viscous * v
         v += STEP * (u - viscous * v - np.clip(stop, -dry, dry)) / inertia

@@ -7,7 +7,8 @@ friction::
     F = base + |external t_e - motor t_m|
         + exp(-|q' / v_s|^alpha) (stribeck + |external_stribeck t_e - motor_stribeck t_m| + quadratic)
 
-where `quadratic` (m6) is external_quad t_e^2 when the motor drives against the load, motor_quad t_m^2 when it is driven.
+where `quadratic` (m6) is external_quad t_e^2 when the motor drives against the load, motor_quad t_m^2 when it is
+driven.
 
 Source: M. Duclusaud, G. Passault, Extended friction models for the physics simulation of servo actuators, ICRA 2025
 (arXiv 2410.08650).
@@ -16,8 +17,9 @@ Source: M. Duclusaud, G. Passault, Extended friction models for the physics simu
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numba import njit
@@ -45,6 +47,8 @@ FREE: dict[str, tuple[str, ...]] = {
 MASS, LENGTH, GRAVITY = 0.49, 0.10, 9.80665
 STEP = 1e-3
 """Longest step of the integration [s]."""
+STEP_SHARE = 2e-3
+"""Relative step of the finite differences."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +84,7 @@ def errors(problem: Problem, vectors: Array) -> Array:
 
 
 @njit(cache=True)
-def _simulate(time, volts, reading, bounds, starts, p, load, weight, longest, out):  # type: ignore[no-untyped-def]
+def _simulate(time, volts, reading, bounds, starts, p, load, weight, longest, out):
     """Semi-implicit Euler with friction as the authors have it: at most what stops the joint within the step."""
     kt, resistance, armature, offset, base, viscous, stribeck, speed, alpha = p[:9]
     motor, external, motor_slow, external_slow, motor_quad, external_quad = p[9:]
@@ -92,7 +96,7 @@ def _simulate(time, volts, reading, bounds, starts, p, load, weight, longest, ou
             if k + 1 == bounds[i + 1]:
                 break
             span = time[k + 1] - time[k]
-            steps = int(math.ceil(span / longest))
+            steps = math.ceil(span / longest)
             h = span / steps
             for _ in range(steps):
                 driving = kt * (volts[k] - kt * dq) / resistance
@@ -133,11 +137,7 @@ def refit(problem: Problem, name: str, starts: Sequence[Bam], evaluations: int =
         model = lambda z, s=scale: Bam(name, dict(zip(names, z * s, strict=True))).vector()  # noqa: E731
         residual = lambda z, m=model: errors(problem, m(z))[0]  # noqa: E731
 
-        def jacobian(z: Array, r=residual, m=model, s=scale) -> Array:  # type: ignore[no-untyped-def]
-            steps = np.where(z + 2e-3 > upper / s, -2e-3, 2e-3)
-            moved = np.array([m(z + np.eye(len(z))[i] * steps[i]) for i in range(len(z))])
-            return (errors(problem, moved) - r(z)).T / steps
-
+        jacobian = partial(_jacobian, problem, model, upper / scale)
         z = np.clip(begin / scale, lower / scale + 1e-9, upper / scale - 1e-9)
         found = least_squares(residual, z, jacobian, bounds=(lower / scale, upper / scale), max_nfev=evaluations)
         fitted = Bam(name, dict(zip(names, map(float, found.x * scale), strict=True)))
@@ -145,3 +145,10 @@ def refit(problem: Problem, name: str, starts: Sequence[Bam], evaluations: int =
             best = (float(found.cost), fitted)
     assert best is not None
     return best[1]
+
+
+def _jacobian(problem: Problem, vector: Callable[[Array], Array], upper: Array, z: Array) -> Array:
+    """Forward differences of the errors, (T, P); backward ones at an upper bound."""
+    steps = np.where(z + STEP_SHARE > upper, -STEP_SHARE, STEP_SHARE)
+    moved = np.array([vector(z + step * row) for step, row in zip(steps, np.eye(len(z)), strict=True)])
+    return (errors(problem, moved) - errors(problem, vector(z))).T / steps

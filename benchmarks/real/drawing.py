@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Sequence
+from pathlib import Path
 
 import matplotlib
 
@@ -20,39 +21,20 @@ from envs.log import Array
 WIDTH = 7.2  # in
 MEASURED, BEFORE, AFTER, OTHER, FLOOR = "#000000", "#D55E00", "#0072B2", "#009E73", "#999999"
 """Colours after Okabe and Ito (2008): measurement, nominal model, extended model, a third one, noise."""
-STYLE = {
-    "figure.constrained_layout.use": True,
-    "font.size": 8.5,
-    "axes.titlesize": 8.5,
-    "axes.labelsize": 8.5,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "legend.fontsize": 8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.7,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e3e3e3",
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.1,
-    "legend.frameon": False,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "adeptone",
-}
+STYLE = Path(__file__).with_name("real.mplstyle")
 
 
-def figure(rows: int = 1, columns: int = 1, height: float = 2.6, **options: object) -> tuple[Figure, np.ndarray]:
+def figure(rows: int = 1, columns: int = 1, height: float = 2.6, *, sharex: bool = False) -> tuple[Figure, np.ndarray]:
     """A figure of the page's width and its axes, (rows, columns)."""
-    with plt.rc_context(STYLE):
-        drawn, axes = plt.subplots(rows, columns, figsize=(WIDTH, height), squeeze=False, **options)  # type: ignore[arg-type]
+    with plt.style.context(STYLE):
+        drawn, axes = plt.subplots(rows, columns, figsize=(WIDTH, height), squeeze=False, sharex=sharex)
     return drawn, axes
 
 
 def svg(drawn: Figure, name: str) -> str:
     """A figure as SVG text; `name` keeps its ids apart from those of other figures on the same page."""
     buffer = io.StringIO()
-    with plt.rc_context(STYLE):
+    with plt.style.context(STYLE):
         drawn.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     plt.close(drawn)
     text = buffer.getvalue()
@@ -80,7 +62,10 @@ def binned(axes: Axes, x: Array, y: Array, color: str, label: str, bins: int = 2
     """Median of y in bins of x with equally many samples, and the range of the middle 80 %."""
     edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, bins + 1)))
     place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
-    middle, low, high, at = [], [], [], []
+    at: list[float] = []
+    low: list[float] = []
+    middle: list[float] = []
+    high: list[float] = []
     for i in range(len(edges) - 1):
         mine = y[place == i]
         if len(mine) < 8:

@@ -12,7 +12,8 @@ from benchmarks.real.diagnosed import said
 from benchmarks.real.inverse import missing
 from benchmarks.real.ladder import gains, parameters_table, steps_table, tried_table
 from benchmarks.real.outcome import Outcome, Picture, Section, Table, rows
-from benchmarks.real.windowed import Free, Model, errors, fit, free_of, ladder, rms, score, windows
+from benchmarks.real.windowed import Free, Model, Step, errors, fit, free_of, ladder, rms, score, windows
+from diagnosis.problem import Problem
 from envs.log import Array, Log
 from envs.rigs import rig
 
@@ -83,7 +84,7 @@ def regression(log: Log, names: tuple[str, ...]) -> Regression:
     values = np.linalg.lstsq(matrix, force, rcond=None)[0]
     residual = force - matrix @ values
     spread = np.std(residual) * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
-    return Regression(names, values, spread, relative(residual, force))
+    return Regression(names, np.asarray(values, dtype=float), spread, relative(residual, force))
 
 
 def on(log: Log, found: Regression) -> float:
@@ -164,7 +165,7 @@ def free_run(log: Log, model: Model) -> Array:
     return errors(at_rest(log), model)[0][:, 0]
 
 
-def at_rest(log: Log):  # type: ignore[no-untyped-def]
+def at_rest(log: Log) -> Problem:
     """The whole log as one window that starts at rest at the first reading."""
     problem = windows([log], (1,), None)
     problem.starts[:, :, 1] = 0.0
@@ -306,7 +307,7 @@ def missing_force(learn: Log, test: Log, coulomb: Regression, directional: Regre
     return drawing.svg(drawn, "empsforce")
 
 
-def window_section(learn: Log, test: Log) -> tuple[Section, dict[str, float], list]:  # type: ignore[type-arg]
+def window_section(learn: Log, test: Log) -> tuple[Section, dict[str, float], list[Step]]:
     """Effects in the order of their gain in windows of free simulation."""
     fitted, held_out = windows([learn], (1,), WINDOW), windows([test], (1,), WINDOW)
     given = base(learn)

@@ -21,7 +21,7 @@ SMOOTHING = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Missing:
-    """Signals of one joint, each (T,): time, position, velocity, acceleration, motor torque, and the missing command."""
+    """Signals of one joint, each (T,): time, position, velocity, acceleration, motor torque, missing command."""
 
     time: Array
     position: Array

@@ -22,7 +22,7 @@ THINNED = 5
 """Every so many samples are kept after smoothing."""
 HOMING = 0.5
 """Time at the beginning of a recording in which the rotor may return to its zero [s]."""
-ORDERS = np.arange(1.0, 128.0, 0.05)
+ORDERS: list[float] = np.arange(1.0, 128.0, 0.05).tolist()
 """Cycles per revolution that are searched; nothing says beforehand that they are whole."""
 SIGNIFICANT = 6.0
 """An order is kept while its amplitude exceeds this many of its standard deviations."""
@@ -103,7 +103,8 @@ def pursue(q: Array, base: Array, target: Array, correlation: int, most: int = M
         residual = target - columns @ np.linalg.lstsq(columns, target, rcond=1e-9)[0]
         basis = np.linalg.qr(columns)[0]
         free = [order for order in ORDERS if all(abs(order - other) > APART * resolution for other in orders)]
-        orders = _refined(q, base, target, [*orders, max(free, key=lambda o: _explained(q, basis, residual, o))])
+        best = max(free, key=lambda order: _explained(q, basis, residual, order))
+        orders = _refined(q, base, target, [*orders, best])
 
 
 def _refined(q: Array, base: Array, target: Array, orders: Sequence[float]) -> list[float]:
@@ -143,7 +144,7 @@ def _solve(q: Array, base: Array, target: Array, orders: Sequence[float], scale:
     sine, cosine = solution[width::2], solution[width + 1 :: 2]
     variance = np.maximum(np.diag(spread)[width::2], np.diag(spread)[width + 1 :: 2])
     return Harmonics(
-        np.array(orders),
+        np.array(orders, dtype=float),
         np.hypot(sine, cosine),
         np.sqrt(variance),
         np.arctan2(cosine, sine),
@@ -200,7 +201,8 @@ def run() -> Outcome:
     found = pursue(q, base, current, correlation)
     slower = parts["slow2_slower/nocomp_0"]
     slow = at(slower.position, slower.base(), slower.current, found.orders, correlation)
-    sections, numbers = [], {}
+    sections: list[Section] = []
+    numbers: dict[str, float] = {}
     for section, more in (
         wrong_section(learn),
         agreement_section(static, found, slow),
@@ -245,7 +247,7 @@ def static_harmonics(name: str) -> Harmonics:
 
 def wrong_section(learn: Sequence[Motion]) -> tuple[Section, dict[str, float]]:
     """Current against position, and what the lag of the logged current does."""
-    q, base, current = joined(learn, lag=False)
+    _, base, current = joined(learn, lag=False)
     plain = np.linalg.lstsq(base, current, rcond=None)[0]
     drawn, axes = drawing.figure(1, 2, 2.7)
     for part, color in zip(learn, (drawing.MEASURED, drawing.AFTER), strict=False):
@@ -269,9 +271,14 @@ def wrong_section(learn: Sequence[Motion]) -> tuple[Section, dict[str, float]]:
         "than "
         "two amperes, in the same places in every recording. Beside the static map it lags and is smaller.",
     )
-    picture = Picture("current", "Current over position: two recordings and the nominal model (left); static map and motion "
-                      "(right).", drawing.svg(drawn, "odwrong"))  # fmt: skip
+    caption = "Current over position: two recordings and the nominal model (left); static map and motion (right)."
+    picture = Picture("current", caption, drawing.svg(drawn, "odwrong"))
     return Section("What the nominal model gets wrong", text, (picture,)), numbers
+
+
+def turned(angle: float) -> float:
+    """An angle between -pi and pi."""
+    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def agreement_section(static: Harmonics, found: Harmonics, slow: Harmonics) -> tuple[Section, dict[str, float]]:
@@ -282,14 +289,12 @@ def agreement_section(static: Harmonics, found: Harmonics, slow: Harmonics) -> t
         near = np.flatnonzero(np.abs(static.orders - found.orders[i]) < SAME)
         both += bool(len(near))
         s = int(near[0]) if len(near) else None
-        phase = lambda h, k, s=s: (
-            None if s is None else float((h.phases[k] - static.phases[s] + np.pi) % (2 * np.pi) - np.pi)
-        )
-        found_rows.append(
-            (found.orders[i], found.amplitudes[i], found.deviations[i], slow.amplitudes[i], slow.deviations[i],
-             None if s is None else static.orders[s], None if s is None else static.amplitudes[s], phase(found, i),
-             phase(slow, i))
-        )  # fmt: skip
+        at_rest: tuple[float | None, ...] = (None, None, None, None)
+        if s is not None:
+            shifts = (turned(h.phases[i] - static.phases[s]) for h in (found, slow))
+            at_rest = (static.orders[s], static.amplitudes[s], *shifts)
+        moving = (found.orders[i], found.amplitudes[i], found.deviations[i], slow.amplitudes[i], slow.deviations[i])
+        found_rows.append((*moving, *at_rest))
         if s is not None:
             differences.append(abs(slow.amplitudes[i] / static.amplitudes[s] - 1.0))
     table = Table(
@@ -333,6 +338,11 @@ def agreement_section(static: Harmonics, found: Harmonics, slow: Harmonics) -> t
     return Section("Cogging: motion and static map agree", text, (picture,), (table,)), numbers
 
 
+def group_error(group: Sequence[Motion], found: Harmonics, lag: bool) -> float:
+    """Rms of `prediction_error` over recordings."""
+    return float(np.sqrt(np.mean([prediction_error(part, found, lag) ** 2 for part in group])))
+
+
 def ladder_section(
     learn: Sequence[Motion],
     test: Sequence[Motion],
@@ -351,8 +361,8 @@ def ladder_section(
     for count in range(1, len(by_size) + 1):
         title = f"+ cogging, {by_size[count - 1]:.2f} per revolution"
         models.append((title, at(q, base, current, by_size[:count], correlation), True))
-    without = at(*joined(learn, lag=False), by_size, correlation)  # type: ignore[misc]
-    rest = np.linalg.lstsq(base, current - static.current(q), rcond=None)[0]
+    without = at(*joined(learn, lag=False), by_size, correlation)
+    rest = np.asarray(np.linalg.lstsq(base, current - static.current(q), rcond=None)[0], dtype=float)
     from_map = Harmonics(static.orders, static.amplitudes, static.deviations, static.phases, rest, 0.0)
     models.append(("the same orders without the lag", without, False))
     models.append(("cogging of the static map, only inertia, friction and lag fitted", from_map, True))
@@ -365,19 +375,23 @@ def ladder_section(
         ("0.03 rev/s, compensated", [p for p in test if p.name == "slow2_slower/comp_0"]),
         ("neighbour turned", [parts["slow2_slower/crosstalk_nocomp_0"]]),
     )
-    error = lambda g, m, lag: float(np.sqrt(np.mean([prediction_error(p, m, lag) ** 2 for p in g])))  # noqa: E731
-    found_rows = [(title, *(error(g, m, lag) for _, g in groups)) for title, m, lag in models]
+    titles = [title for title, _, _ in models]
+    scores = np.array([[group_error(group, m, lag) for _, group in groups] for _, m, lag in models])
     table = Table("current", "Rms error of the predicted current [A], fitted on the fitted runs only",
-                  ("model", *(name for name, _ in groups)), rows(found_rows))  # fmt: skip
+                  ("model", *(name for name, _ in groups)),
+                  rows([(title, *row) for title, row in zip(titles, scores, strict=True)]))  # fmt: skip
     spread = repeatability([*learn, *same])
     last = models[1 + len(by_size)]
+    shown = slice(0, 2 + len(by_size))
     drawn = drawing.bars(
-        [row[0] for row in found_rows[: 2 + len(by_size)]],
-        [("fitted runs", drawing.AFTER, [r[1] for r in found_rows[: 2 + len(by_size)]]),
-         ("0.10 rev/s, not fitted", drawing.BEFORE, [r[2] for r in found_rows[: 2 + len(by_size)]])],
+        titles[shown],
+        [
+            ("fitted runs", drawing.AFTER, scores[shown, 0].tolist()),
+            ("0.10 rev/s, not fitted", drawing.BEFORE, scores[shown, 1].tolist()),
+        ],
         "rms error of the current [A]",
         ("repetition", spread),
-    )  # fmt: skip
+    )
     q, base, current = joined(learn)
     full = np.column_stack([base, *[f(o * q) for o in by_size for f in (np.sin, np.cos)]])
     residual = current - full @ np.linalg.lstsq(full, current, rcond=None)[0]
@@ -396,10 +410,10 @@ def ladder_section(
         ),
     )
     numbers = {
-        "held-out: nominal": found_rows[0][2],
-        "held-out: extended": found_rows[1 + len(by_size)][2],
-        "held-out: from the static map": found_rows[-1][2],
-        "without lag": found_rows[-2][2],
+        "held-out: nominal": float(scores[0, 1]),
+        "held-out: extended": float(scores[1 + len(by_size), 1]),
+        "held-out: from the static map": float(scores[-1, 1]),
+        "without lag": float(scores[-2, 1]),
         "repeatability": spread,
         "lag: deviation": float(deviation[3]),
     }
@@ -466,8 +480,12 @@ def compensation_section(parts: dict[str, Motion]) -> tuple[Section, dict[str, f
         (name, float(np.mean(p.velocity)), float(np.std(p.velocity)), float(np.std(p.current)))
         for name, p in sorted(parts.items())
     ]
-    table = Table("compensation", "Slow motion with and without the controller's anti-cogging",
-                  ("run", "mean velocity [rad/s]", "ripple of the velocity [rad/s]", "current rms [A]"), rows(found_rows))  # fmt: skip
+    table = Table(
+        "compensation",
+        "Slow motion with and without the controller's anti-cogging",
+        ("run", "mean velocity [rad/s]", "ripple of the velocity [rad/s]", "current rms [A]"),
+        rows(found_rows),
+    )
     ripple = {name: row[2] for name, row in zip(sorted(parts), found_rows, strict=True)}
     ratio = np.mean([ripple[f"slow2/nocomp_{i}"] for i in range(3)]) / np.mean(
         [ripple[f"slow2/comp_{i}"] for i in range(3)]

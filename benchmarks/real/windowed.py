@@ -27,10 +27,12 @@ from methods.kernel import NOMINAL, Kernel, build
 
 SMOOTHING = 0.03
 """Length of the local cubic fit that gives the state at the beginning of a window [s]."""
+LONGEST_STEP = 2e-3
+"""Step of the integration, about [s]."""
 STEP = 2e-3
 """Relative step of the finite differences; dry friction makes smaller ones rough."""
-SCREENING, CONTESTED = 5, 4
-"""Evaluations for every candidate of a ladder, and how many of them are then fitted to the end."""
+SCREENING, CONTESTED, CONTEST = 4, 3, 10
+"""Evaluations for every candidate of a ladder, how many of the best are compared further, and with how many more."""
 SIGNIFICANT = 3.0
 """Standard deviations by which an effect's amplitude has to differ from zero."""
 
@@ -136,6 +138,7 @@ def windows(
     a window is left out.
     """
     problem = stack(simulator or kernel(), logs, joints, pair=pair, neighbours=False, burn_in=0.0)
+    problem = replace(problem, substeps=max(1, round(problem.sample_time / LONGEST_STEP)))
     if seconds is None:
         return replace(problem, starts=_states(problem, problem.bounds[:-1]))
     width = max(8, round(seconds / problem.sample_time))
@@ -271,10 +274,9 @@ def ladder(
     """Effects one after the other, each time the one that lowers the error of the fitted windows most.
 
     candidates: name and alternative starting points of each effect. A step has to lower the rms error of the fitted
-    windows by `least`, half of that again when the model is fitted on every other window and judged on those in between,
-    and its size has to be determined. Held-out
-    windows are only looked at for the figures. Returns the steps and (step, candidate, relative decrease) of everything
-    that was tried.
+    windows by `least`, half of that again when the model is fitted on every other window and judged on the others, and
+    its size has to be determined. Held-out windows are only looked at for the figures. Returns the steps and (step,
+    candidate, relative decrease) of everything that was tried.
     """
     weight = 1.0 / np.std(fitted.reading, axis=0)
     total = lambda p, m: float(np.sqrt(np.mean((errors(p, m)[0] * weight) ** 2)))  # noqa: E731
@@ -291,18 +293,21 @@ def ladder(
             best = min(options, key=lambda option: total(fitted, option))
             rough.append((total(fitted, best), name, best))
         rough.sort(key=lambda item: item[0])
-        found = [(total(fitted, better), name, better) for _, name, start in rough[:CONTESTED]
-                 for better in [fit(fitted, start)]]  # fmt: skip
+        found = []
+        for _, name, start in rough[:CONTESTED]:
+            better = fit(fitted, start, CONTEST)
+            found.append((total(fitted, better), name, better))
         tried += [(f"step {len(steps)}", name, 1.0 - value / now) for value, name, _ in (*found, *rough[CONTESTED:])]
         for value, name, better in sorted(found, key=lambda item: item[0]):
             if value > (1.0 - least) * now:
                 return steps, tried
             gains = []
             for learn, judge in ((odd, even), (even, odd)):
-                gains.append(1.0 - total(judge, fit(learn, better, 12)) / total(judge, fit(learn, model, 12)))
+                with_it, without = (total(judge, fit(learn, start, CONTEST)) for start in (better, model))
+                gains.append(1.0 - with_it / without)
             if min(gains) < 0.5 * least or not determined(better, name):
                 continue
-            model = better
+            model = fit(fitted, better)
             steps.append(Step(f"+ {name}", model, score(fitted, model), score(held_out, model)))
             left = [item for item in left if item[0] != name]
             break
@@ -312,7 +317,7 @@ def ladder(
 
 
 def determined(model: Model, name: str) -> bool:
-    """Whether the size of an effect is different from zero beyond doubt: an amplitude of at least so many deviations."""
+    """Whether the size of an effect is different from zero beyond doubt."""
     amplitudes = effect(name).amplitudes or (0,)
     names = {effect(name).parameters[a].name for a in amplitudes}
     return any(

@@ -186,8 +186,11 @@ def wrong_section(learn: Sequence[Log], given: Model, steps: Sequence[Step]) -> 
         "signature "
         "of friction that grows with the load, not of a constant one.",
     )
-    picture = Picture("missing", "Missing voltage of the refitted nominal and of the extended model, fitted runs, moving "
-                      "faster than 0.3 rad/s: medians and the middle 80 %.", drawing.svg(drawn, "xlmissing"))  # fmt: skip
+    caption = (
+        "Missing voltage of the refitted nominal and of the extended model, fitted runs, moving faster than 0.3 rad/s: "
+        "medians and the middle 80 %."
+    )
+    picture = Picture("missing", caption, drawing.svg(drawn, "xlmissing"))
     return Section("What the nominal model gets wrong", text, (picture,))
 
 
@@ -195,15 +198,19 @@ def physical_table(model: Model) -> Table:
     """Volts turned into SI by the known weight."""
     weight, spread = model.value("gravity_sine"), model.deviation("gravity_sine")
     volts = weight / WEIGHT
-    kt = model.value("back_emf")
+    kt, kt_spread = model.value("back_emf"), model.deviation("back_emf")
+    authors = rig(NAME).published()["m1"]
+    ohms = volts * kt
+    inertia, inertia_spread = model.value("inertia") / volts, model.deviation("inertia") / volts
+    zero, zero_spread = model.value("gravity_cosine") / weight, model.deviation("gravity_cosine") / weight
+    load = bam.MASS * bam.LENGTH**2
     found = [
-        ("voltage per torque R/k", volts, spread / WEIGHT, "V/(N m)", 4.017129 / 0.386696),
-        ("motor constant k", kt, model.deviation("back_emf"), "N m/A", 0.386696),
-        ("resistance R", volts * kt, volts * kt * np.hypot(spread / weight, model.deviation("back_emf") / kt), "ohm", 4.017129),
-        ("inertia with rotor", model.value("inertia") / volts, model.deviation("inertia") / volts, "kg m^2",
-         bam.MASS * bam.LENGTH**2 + 0.001814),
-        ("zero of the pendulum", model.value("gravity_cosine") / weight, model.deviation("gravity_cosine") / weight, "rad", 0.030871),
-    ]  # fmt: skip
+        ("voltage per torque R/k", volts, spread / WEIGHT, "V/(N m)", authors["R"] / authors["kt"]),
+        ("motor constant k", kt, kt_spread, "N m/A", authors["kt"]),
+        ("resistance R", ohms, ohms * float(np.hypot(spread / weight, kt_spread / kt)), "ohm", authors["R"]),
+        ("inertia with rotor", inertia, inertia_spread, "kg m^2", load + authors["armature"]),
+        ("zero of the pendulum", zero, zero_spread, "rad", authors["q_offset"]),
+    ]
     return Table(
         "physical",
         "The same in SI units: the weight of the pendulum is known and turns volts into N m",

@@ -11,7 +11,7 @@ simulate (M. Gautier, W. Khalil, IEEE Trans. Robot. Autom. 6 (1990) 368).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 SUBSTEP = 1e-3
 """Longest step of the integrator [s]."""
+OUT_OF_REACH = 1e6
+"""Speed at which a simulation counts as diverged [rad/s or m/s]."""
+LEAST_LAG = 1e-5
+"""Time constant below which a winding has none [s]."""
 REVERSAL = 1e-2
 """w_j as a share of the joint's largest speed."""
 
@@ -46,10 +50,10 @@ class Drives:
 
 @dataclass(frozen=True, eq=False)
 class ArmModel(Model):
-    """A robot's kinematics with identified inertial parameters theta (10 n,) and drives.
+    """A robot's kinematics with identified inertial parameters theta (10 N,), rotors (N,) and drives of n joints.
 
-    robot: name or path of the description. held: positions of all the robot's joints [rad or m], of which those that
-    the model does not move stay there.
+    robot: name or path of the description, which has N joints. held: positions of all of them [rad or m], where those
+    that the model does not move stay.
     """
 
     robot: str
@@ -61,57 +65,66 @@ class ArmModel(Model):
     drives: Drives
 
     def body(self) -> pin.Model:
-        """The Pinocchio model with theta and the rotors (n,) in it."""
+        """The Pinocchio model with theta and the rotors in it."""
         import pinocchio as pin
 
-        model = reduced_body(find_robot(self.robot), self.joints, self.held)
+        model = described_body(find_robot(self.robot))
         model.armature = self.rotors.copy()
-        for number in range(len(self.joints)):
+        for number in range(len(self.rotors)):
             values = self.theta[10 * number : 10 * number + 10]
-            model.inertias[number + 1] = pin.Inertia.FromDynamicParameters(values)
+            massless = not np.any(values)
+            model.inertias[number + 1] = pin.Inertia.Zero() if massless else pin.Inertia.FromDynamicParameters(values)
         return model
 
     def inverse(self, time: Array, motion: Motion, command: Array | None = None) -> Array:
         """Command (T, n); the torque's rate is its difference quotient along the motion."""
-        torques = inverse_dynamics(self.body(), motion)
-        own = self.drives
+        import pinocchio as pin
+
+        model, own = self.body(), self.drives
+        data, rows = model.createData(), [joint - 1 for joint in self.joints]
+        torques = np.array([pin.rnea(model, data, *state)[rows] for state in full_states(motion, rows, self.held)])
         rate = np.gradient(torques, time, axis=0) if np.any(own.lag > 0.0) else 0.0
         friction = own.friction * np.tanh(motion.velocity / own.reversal)
         return own.scale * (torques + own.lag * rate) + own.damping * motion.velocity + own.offset + friction
 
     def simulate(self, time: Array, command: Array, initial: State, hold: Hold = "zero_order") -> Motion:
-        """Runge-Kutta of order 4 on ABA; the winding's lag is exact for a held command."""
+        """Runge-Kutta of order 4 in steps of 1 ms at most; the winding's lag is exact for a held command."""
         import pinocchio as pin
 
         model, own = self.body(), self.drives
-        data, n = model.createData(), len(self.joints)
-        lagging = own.lag > 1e-5
-        q, v = initial.position.copy(), initial.velocity.copy()
-        free = pin.rnea(model, data, q, v, initial.acceleration)
-        motor = own.scale * free + own.offset + own.friction * np.tanh(v / own.reversal)
-        out = np.full((4, len(time), n), np.nan)
+        data, rows = model.createData(), np.array(self.joints) - 1
+        lagging = own.lag > LEAST_LAG
+        lag = np.where(lagging, own.lag, 1.0)
+        stiff = np.where(lagging, 0.0, own.damping)  # without a winding the damping acts at once
+        place, speed = np.array(self.held), np.zeros(len(self.held))
+        square = np.ix_(rows, rows)
 
         def acceleration(q: Array, v: Array, w: Array) -> Array:
-            net = (w - own.offset - own.friction * np.tanh(v / own.reversal)) / own.scale
-            return np.array(pin.aba(model, data, q, v, net))
+            place[rows], speed[rows] = q, v
+            bias = pin.nonLinearEffects(model, data, place, speed)[rows]
+            net = (w - own.offset - own.friction * np.tanh(v / own.reversal)) / own.scale - bias
+            return np.linalg.solve(pin.crba(model, data, place)[square], net)
 
+        q, v = initial.position.copy(), initial.velocity.copy()
+        still = acceleration(q, v, np.zeros(len(rows)))
+        motor = own.scale * (pin.crba(model, data, place)[square] @ (initial.acceleration - still))
+        out = np.full((4, len(time), len(rows)), np.nan)
         for k in range(len(time)):
             out[0, k], out[1, k] = q, v
             out[2, k] = acceleration(q, v, np.where(lagging, motor, command[k] - own.damping * v))
-            if k == len(time) - 1 or not np.all(np.abs(v) < 1e6):
+            if k == len(time) - 1 or not np.all(np.abs(v) < OUT_OF_REACH):
                 break
             span = time[k + 1] - time[k]
             steps = max(1, int(np.ceil(span / SUBSTEP - 1e-6)))
             h = span / steps
-            decay = np.exp(-h / np.where(lagging, own.lag, 1.0))
-            share = (1.0 - decay) * np.where(lagging, own.lag, 1.0) / h
+            decay = np.where(lagging, np.exp(-h / lag), 0.0)
+            share = np.where(lagging, (1.0 - decay) * lag / h, 0.0)
             for i in range(steps):
                 u = command[k]
                 if hold == "first_order":
                     u = u + (i + 0.5) / steps * (command[k + 1] - command[k])
                 final = u - own.damping * v
-                mean = np.where(lagging, final + (motor - final) * share, final)
-                stiff = np.where(lagging, 0.0, own.damping)  # without a winding the damping acts at once
+                mean = final + (motor - final) * share
                 a1 = acceleration(q, v, mean)
                 v2 = v + 0.5 * h * a1
                 a2 = acceleration(q + 0.5 * h * v, v2, mean - stiff * (v2 - v))
@@ -119,10 +132,10 @@ class ArmModel(Model):
                 a3 = acceleration(q + 0.5 * h * v2, v3, mean - stiff * (v3 - v))
                 v4 = v + h * a3
                 a4 = acceleration(q + h * v3, v4, mean - stiff * (v4 - v))
+                final = u - own.damping * (v + h / 12.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4))
+                motor = final + (motor - final) * decay
                 q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-                before, v = v, v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-                final = u - own.damping * 0.5 * (before + v)
-                motor = np.where(lagging, final + (motor - final) * decay, final)
+                v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
         out[3] = np.gradient(out[2], time, axis=0)
         return Motion(*out)
 
@@ -148,28 +161,21 @@ def described(logs: Sequence[Log], name: str | None) -> tuple[str, Robot, tuple[
     return name, robot, tuple(0.5 * (a + b) if np.isfinite(a + b) else 0.0 for a, b in ends)
 
 
-def reduced_body(robot: Robot, joints: tuple[int, ...], held: tuple[float, ...]) -> pin.Model:
-    """The robot's body with its rotors as armature and all other joints locked where they are held."""
-    import pinocchio as pin
-
+def described_body(robot: Robot) -> pin.Model:
+    """The robot's body with its rotors as armature. Raises MethodError where Pinocchio cannot have it."""
     from envs.pinocchio_model import pinocchio_model
 
-    if tuple(sorted(joints)) != joints:
-        raise MethodError(f"the joints {list(joints)} are out of order", remedy="Order them: log.select(joints)")
     if np.any(robot.coupling_matrix != np.eye(len(robot))):
         raise MethodError("a motor of this robot turns several joints", remedy="Describe it with one motor per joint")
     try:
-        model = pinocchio_model(robot)
+        return pinocchio_model(robot)
     except RobotError as error:
         raise MethodError(error.problem, remedy=error.remedy) from None
-    locked = [number for number in range(1, len(robot) + 1) if number not in joints]
-    return pin.buildReducedModel(model, locked, np.array(held)) if locked else model
 
 
-def inverse_dynamics(model: pin.Model, motion: Motion) -> Array:
-    """Torques (T, n) of the body."""
-    import pinocchio as pin
-
-    data = model.createData()
-    states = zip(motion.position, motion.velocity, motion.acceleration, strict=True)
-    return np.array([pin.rnea(model, data, *state) for state in states])
+def full_states(motion: Motion, rows: Sequence[int], held: tuple[float, ...]) -> Iterator[tuple[Array, Array, Array]]:
+    """Position, velocity and acceleration of all the robot's joints, sample by sample; those not in `rows` stand."""
+    place, speed, change = np.array(held), np.zeros(len(held)), np.zeros(len(held))
+    for k in range(len(motion)):
+        place[rows], speed[rows], change[rows] = motion.position[k], motion.velocity[k], motion.acceleration[k]
+        yield place, speed, change

@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 
 from envs.log import COMMAND_UNIT, Array, Log
 from envs.robot import Robot
-from methods.arm import REVERSAL, ArmModel, Drives, described, reduced_body
+from methods.arm import REVERSAL, ArmModel, Drives, described, described_body, full_states
 from methods.base import Estimates, Fit, Method, MethodError, Motion, Status
 from methods.differentiation import BandLimited
 from methods.joint_regression import Preparation
@@ -36,7 +36,7 @@ INDEPENDENT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ArmEquations:
-    """Rows of all logs: W and its rate (N, n, 11 n) for (theta, rotors);
+    """Rows of all logs: W and its rate (N, n, 11 m) for (theta, rotors) of the robot's m joints;
 
     velocity, friction column and command are (N, n), reversal is w (n,), start is the model as described.
     """
@@ -51,7 +51,7 @@ class ArmEquations:
 
     @property
     def described(self) -> Array:
-        """(theta, rotors) of the description, (11 n,)."""
+        """(theta, rotors) of the description, (11 m,)."""
         return np.concatenate((self.start.theta, self.start.rotors))
 
     @property
@@ -94,8 +94,9 @@ def arm_equations(method: WholeArm, logs: Sequence[Log]) -> ArmEquations:
 
     name, robot, held = described(logs, method.robot)
     joints = logs[0].joints
-    model = reduced_body(robot, joints, held)
-    data, n = model.createData(), len(joints)
+    model = described_body(robot)
+    data, n, all_joints = model.createData(), len(joints), len(robot)
+    moved = [joint - 1 for joint in joints]
     bandwidth = min(method.preparation.equations([log.joint(j) for log in logs]).bandwidth for j in joints)
     filter_ = BandLimited(bandwidth)
     parts = [filter_.signals(log) for log in logs]
@@ -113,11 +114,13 @@ def arm_equations(method: WholeArm, logs: Sequence[Log]) -> ArmEquations:
             raise MethodError(f"{log.name} leaves {len(at)} rows behind the filter", remedy="Record a longer log")
 
         def rows(at: np.ndarray, motion: Motion = part.motion) -> Array:
-            found = np.zeros((len(at), n, 11 * n))
-            for k, row in enumerate(at):
-                state = (motion.position[row], motion.velocity[row], motion.acceleration[row])
-                found[k, :, : 10 * n] = pin.computeJointTorqueRegressor(model, data, *state)
-                found[k, :, 10 * n :] = np.diag(motion.acceleration[row])
+            found = np.zeros((len(at), n, 11 * all_joints))
+            chosen = Motion(
+                *(signal[at] for signal in (motion.position, motion.velocity, motion.acceleration, motion.jerk))
+            )
+            for k, state in enumerate(full_states(chosen, moved, held)):
+                found[k, :, : 10 * all_joints] = pin.computeJointTorqueRegressor(model, data, *state)[moved]
+                found[k, :, 10 * all_joints :][:, moved] = np.diag(chosen.acceleration[k])
             return found
 
         columns[0].append(rows(at))
@@ -196,6 +199,8 @@ def solved(equations: ArmEquations, logs: Sequence[Log]) -> Solution:
         return table
 
     x = np.zeros(count + 4 * n + len(lagging))
+    far = np.full(len(x), np.inf)
+    far[count : count + n + len(lagging)] = 3.0  # scales and time constants within a factor of twenty
     doubt = np.zeros((len(x), len(x)))
     doubt[range(count, count + n), range(count, count + n)] = 1.0  # a factor of e in each scale is one deviation
     for _ in range(3):
@@ -203,9 +208,10 @@ def solved(equations: ArmEquations, logs: Sequence[Log]) -> Solution:
             lambda x, d=deviations: np.concatenate(((errors(x) / d).ravel(), doubt @ x)),
             x,
             jac=lambda x, d=deviations: np.vstack(((jacobian(x) / d[:, None]).reshape(-1, len(x)), doubt)),
+            bounds=(-far, far),
             method="trf",
             x_scale="jac",
-            max_nfev=40,
+            max_nfev=60,
         )
         x = found.x
         deviations = np.maximum(np.sqrt(np.mean(errors(x) ** 2, axis=0)), 1e-6 * power)
@@ -214,7 +220,8 @@ def solved(equations: ArmEquations, logs: Sequence[Log]) -> Solution:
     bread = np.linalg.pinv(table.T @ table + doubt, hermitian=True)
     scores = np.einsum("ijk,ij->ik", table.reshape(*equations.command.shape, -1), errors(x) / deviations)
     covariance = bread @ long_run_scatter(scores, np.sum(errors(x) / deviations, axis=1)) @ bread
-    model = replace(start, theta=phi[: 10 * n], rotors=phi[10 * n :], drives=drives)
+    bodies = len(start.theta)
+    model = replace(start, theta=phi[:bodies], rotors=phi[bodies:], drives=drives)
     return Solution(kept, model, errors(x), deviations, (covariance[:count, :count] * np.outer(size[kept], size[kept])))
 
 
@@ -227,12 +234,14 @@ def residuals(equations: ArmEquations, phi: Array, drives: Drives) -> Array:
 
 def fitted(equations: ArmEquations, solution: Solution, logs: Sequence[Log]) -> Fit:
     """The fit of a solution: base parameters, and per joint damping, offset and friction without errors."""
-    n, joints, drives = equations.size, equations.start.joints, solution.model.drives
+    joints, drives = equations.start.joints, solution.model.drives
     phi = np.concatenate((solution.model.theta, solution.model.rotors))
-    names = [f"{NAMES[k % 10]} of joint {joints[k // 10]}" for k in range(10 * n)]
-    names += [f"rotor of joint {joint}" for joint in joints]
-    measures = ["kg", "kg m", "kg m", "kg m", *["kg m^2"] * 6] * n
-    measures += ["kg m^2" if fact.position_unit == "rad" else "kg" for fact in logs[0].facts]
+    bodies = len(solution.model.rotors)
+    names = [f"{NAMES[k % 10]} of joint {k // 10 + 1}" for k in range(10 * bodies)]
+    names += [f"rotor of joint {joint}" for joint in range(1, bodies + 1)]
+    measures = ["kg", "kg m", "kg m", "kg m", *["kg m^2"] * 6] * bodies
+    kinds = dict(zip(joints, (fact.position_unit for fact in logs[0].facts), strict=True))
+    measures += ["kg" if kinds.get(joint) == "m" else "kg m^2" for joint in range(1, bodies + 1)]
     further = [
         (f"{title} of joint {joint}", f"{COMMAND_UNIT[fact.input]}{f' s/{fact.position_unit}' if rate else ''}", value)
         for title, values, rate in (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -69,6 +69,11 @@ def cell(reference: TaskReference, task: Task, contestant: Contestant, seed: int
         settings, code, task.identity(), task.skip(), method, yardstick, fingerprint.versions(), seed
     )
     return Cell(reference, contestant, seed, mark)
+
+
+def needed(cells: Iterable[Cell]) -> tuple[str, ...]:
+    """The slow libraries that the contestants of these cells import."""
+    return tuple(sorted({name for item in cells for name in item.contestant.libraries}))
 
 
 def _function(made: Callable[..., Any]) -> tuple[Any, str]:

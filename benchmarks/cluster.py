@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks import fingerprint
-from benchmarks.cells import Cell, Prepared, TaskReference, failed_row, prepare, run_cell
+from benchmarks.cells import Cell, Prepared, TaskReference, failed_row, needed, prepare, run_cell
+from benchmarks.isolation import preload
 
 AHEAD = 2
 """Groups of cells per worker thread that are handed in at a time, so that data do not pile up."""
@@ -38,7 +39,7 @@ def run_on_cluster(cells: Sequence[Cell], address: str, finish: Callable[[dict[s
         client = Client(address, set_as_default=False, timeout="20s")
     except OSError as error:
         raise ClusterError(f"there is no Dask scheduler at {address} ({error}). Start one: dask scheduler") from None
-    code = fingerprint.installation()
+    setting = _Setting(fingerprint.installation(), needed(cells))
     with client:
         slots = max(1, sum(client.nthreads().values()))
         completed = as_completed(raise_errors=False)
@@ -49,9 +50,9 @@ def run_on_cluster(cells: Sequence[Cell], address: str, finish: Callable[[dict[s
             """One group more: its data, and a row for each cell."""
             group = waiting.pop(0)
             key = group.cells[0].fingerprint
-            group.data = client.submit(_data, group.reference, group.seed, code, key=f"data-{key}", retries=2)
+            group.data = client.submit(_data, group.reference, group.seed, setting, key=f"data-{key}", retries=2)
             for item in group.cells:
-                row = client.submit(_row, item, group.data, code, key=f"row-{item.fingerprint}", retries=2)
+                row = client.submit(_row, item, group.data, setting, key=f"row-{item.fingerprint}", retries=2)
                 group_of[row.key] = group, item
                 completed.add(row)
 
@@ -83,18 +84,27 @@ class _Group:
     data: Any = None
 
 
-def _data(reference: TaskReference, seed: int, code: str) -> Prepared:
-    _check(code)
+@dataclass(frozen=True)
+class _Setting:
+    """What a worker has to be like: the client's code and versions, and the slow libraries of the whole run."""
+
+    code: str
+    libraries: tuple[str, ...]
+
+    def establish(self) -> None:
+        """Raises ClusterError when this process runs other code."""
+        if fingerprint.installation() != self.code:
+            raise ClusterError(
+                "a worker of the cluster runs other code or other versions than this client. Install the same on both"
+            )
+        preload(self.libraries)
+
+
+def _data(reference: TaskReference, seed: int, setting: _Setting) -> Prepared:
+    setting.establish()
     return prepare(reference, seed)
 
 
-def _row(item: Cell, prepared: Prepared, code: str) -> dict[str, Any]:
-    _check(code)
+def _row(item: Cell, prepared: Prepared, setting: _Setting) -> dict[str, Any]:
+    setting.establish()
     return run_cell(item, prepared)
-
-
-def _check(code: str) -> None:
-    if fingerprint.installation() != code:
-        raise ClusterError(
-            "a worker of the cluster runs other code or other versions than this client. Install the same on both"
-        )

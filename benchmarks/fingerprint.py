@@ -37,6 +37,12 @@ def source_hash(*files: Path) -> str:
     return digest([(name, _content_hash(path)) for name, path in sorted(_closure(files).items())])
 
 
+def libraries(file: Path, names: Iterable[str]) -> tuple[str, ...]:
+    """Which of these libraries a file or anything of its own that it imports asks for."""
+    asked = {module.partition(".")[0] for path in _closure([file]).values() for module in _imports(path)}
+    return tuple(sorted(asked.intersection(names)))
+
+
 def _closure(files: Iterable[Path]) -> dict[str, Path]:
     """Name of a file below its root -> its path."""
     found: dict[str, Path] = {}

@@ -14,7 +14,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection
@@ -26,10 +26,10 @@ import psutil
 
 from benchmarks.worker import GIB, Job, Questions, answers, describe, hear, serve
 
-PRELOADED = ("benchmarks.preload",)
+SLOW_LIBRARIES = ("torch", "pysindy", "mujoco")
+"""Imported by the server only where a contestant of the run needs them."""
 SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 WATCH_SECONDS = 0.02
-_STARTING = threading.Lock()
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +41,27 @@ class Outcome:
     fitted: dict[str, Any] = field(default_factory=dict)
     answered: dict[str, Any] = field(default_factory=dict)
     answers: Any = None
+
+
+@dataclass
+class _Server:
+    """The server that children are forked from, one per process: its lock, and the slow libraries that it has."""
+
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    libraries: frozenset[str] = frozenset()
+
+
+_SERVER = _Server()
+
+
+def preload(libraries: Iterable[str]) -> None:
+    """Makes sure that the server has these libraries. To be called before the first child of a run: a restart of the
+    server ends the children that it has.
+    """
+    with _SERVER.lock:
+        if not _SERVER.libraries.issuperset(libraries):
+            _SERVER.libraries = _SERVER.libraries.union(libraries)
+            forkserver._forkserver._stop()  # type: ignore[attr-defined] # it starts again with the next child
 
 
 class Watch:
@@ -171,8 +192,8 @@ def _answer_call(pipe: Connection) -> None:
 def _start(target: Callable[[Connection], None]) -> tuple[ForkServerProcess, Connection]:
     context = multiprocessing.get_context("forkserver")
     here, there = context.Pipe()
-    with _STARTING, _plain_process(), _single_threaded():
-        context.set_forkserver_preload(list(PRELOADED))
+    with _SERVER.lock, _plain_process(), _single_threaded():
+        context.set_forkserver_preload(["benchmarks.preload", *sorted(_SERVER.libraries)])
         resource_tracker.ensure_running()
         forkserver.ensure_running()
         process = context.Process(target=target, args=(there,))

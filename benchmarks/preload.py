@@ -1,14 +1,9 @@
-"""Imported once by the server that children are forked from: every method, and the libraries that start slowly.
+"""Imported once by the server that children are forked from: every method of the project.
 
 Nothing that knows a truth is imported here: what stands in this process, a contestant inherits.
 """
 
-import contextlib
-import importlib
-
+import benchmarks.worker  # noqa: F401
 from methods.registry import METHODS
 
 METHODS.load_package("methods")
-for name in ("torch", "pysindy", "mujoco"):
-    with contextlib.suppress(ImportError):
-        importlib.import_module(name)

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import fingerprint
-from benchmarks.cells import Cell, Prepared, TaskReference, cell, prepare, run_cell
-from benchmarks.isolation import describe_methods
+from benchmarks.cells import Cell, Prepared, TaskReference, cell, needed, prepare, run_cell
+from benchmarks.isolation import SLOW_LIBRARIES, describe_methods, preload
 from benchmarks.progress import Progress
 from benchmarks.store import Store
 from benchmarks.tasks.base import TASKS, Task, load_tasks
@@ -182,6 +182,7 @@ def _described(plugin: str | None) -> dict[str, Contestant]:
             tags=tuple(item["tags"]),
             plugin=plugin if item["plugin"] else None,
             code=fingerprint.source_hash(Path(item["source"])),
+            libraries=fingerprint.libraries(Path(item["source"]), SLOW_LIBRARIES),
         )
         for item in describe_methods(plugin)
     }
@@ -191,8 +192,17 @@ def _specified(method: Method) -> Contestant:
     import sys
 
     source = sys.modules[type(method).__module__].__file__
-    code = fingerprint.EMPTY if source is None else fingerprint.source_hash(Path(source))
-    return Contestant(label=type(method).__name__, key=repr(method), code=code, method=method)
+    if source is None:
+        raise RegistryError(
+            f"{type(method).__name__} stands in no file. Put it into one, so that it can be sent around"
+        )
+    return Contestant(
+        label=type(method).__name__,
+        key=repr(method),
+        code=fingerprint.source_hash(Path(source)),
+        libraries=fingerprint.libraries(Path(source), SLOW_LIBRARIES),
+        method=method,
+    )
 
 
 @dataclass
@@ -255,6 +265,7 @@ def run_here(cells: Sequence[Cell], workers: int, finish: Callable[[dict[str, An
     grouped: dict[tuple[TaskReference, int], list[Cell]] = defaultdict(list)
     for item in cells:
         grouped[item.task, item.seed].append(item)
+    preload(needed(cells))
     schedule = _Schedule([_Group(reference, seed, items) for (reference, seed), items in grouped.items()])
     writing = threading.Lock()
 

@@ -44,6 +44,7 @@ class Contestant:
     """A method by name: its registry entry, the file of the plugin that registers it, or the specification itself.
 
     label: short name in tables. key: `repr` of the specification. code: hash of its source and of what that imports.
+    libraries: slow ones that it imports, so that the server of child processes can import them once for all.
     """
 
     label: str
@@ -51,6 +52,7 @@ class Contestant:
     tags: tuple[str, ...] = ()
     plugin: str | None = None
     code: str = ""
+    libraries: tuple[str, ...] = ()
     method: Method | None = None
 
 
@@ -171,7 +173,8 @@ def load(contestant: Contestant) -> Method:
     """The specification of a contestant. Raises RegistryError when there is none of that name."""
     if contestant.method is not None:
         return contestant.method
-    load_methods(contestant.plugin)
+    if contestant.plugin is not None or contestant.label not in METHODS.names():
+        load_methods(contestant.plugin)
     return METHODS[contestant.label].factory()
 
 
@@ -213,8 +216,9 @@ def _fit(job: Job) -> tuple[Model, dict[str, Any]]:
     if job.effects is not None:
         method = replace(method, effects=job.effects)  # type: ignore[type-var]
     rng = np.random.default_rng(job.entropy)
+    logs = tuple(replace(log) for log in job.logs)  # read-only again, which pickling forgets
     begin = time.perf_counter()
-    fit = method.fit(job.logs, rng)
+    fit = method.fit(logs, rng)
     seconds = time.perf_counter() - begin
     if not isinstance(fit, Fit):
         raise TypeError(f"fit returned {type(fit).__name__}, not a Fit")

@@ -21,7 +21,6 @@ from diagnosis.estimation import Point, errors
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.isolability import shapes
 from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.parameters import covariance
 from diagnosis.problem import Problem, stack
 from envs.log import Array, JointFacts, Log
 from methods.base import State
@@ -393,7 +392,7 @@ def recovers_itself(subject: EffectSubject) -> None:
     accepted = [item for item in finding.accepted if item.name == effect.name]
     if not accepted:
         raise CheckFailed(f"with the parameters {_shown(values)} it is not named (verdict {finding.verdict})")
-    spread = np.sqrt(np.maximum(np.diag(covariance(finding.final)), 0.0))
+    spread = np.sqrt(np.maximum(np.diag(finding.final.covariance), 0.0))
     names = [free.name for free in finding.final.point.free]
     for parameter, true in zip(effect.parameters, values, strict=True):
         name = next(n for n in names if n.startswith(f"{effect.name}.{parameter.name}@"))

@@ -76,7 +76,7 @@ function intervalBar(estimate) {
   const x = scale(0, most, 4, width - 4, false), svg = canvas(width, height, `score ${number(estimate[0])}`);
   svg.append(shape("line", {x1: x.at(0), x2: x.at(0), y1: 1, y2: 17, class: "zero"}), shape("line", {x1: x.at(1), x2: x.at(1), y1: 1, y2: 17, class: "one"}));
   if (finite(estimate[1])) svg.append(shape("line", {x1: x.at(estimate[1]), x2: x.at(estimate[2]), y1: 9, y2: 9, class: "interval"}));
-  svg.append(shape("circle", {cx: x.at(estimate[0]), cy: 9, r: 4, class: "dot"}));
+  svg.append(shape("circle", {cx: x.at(estimate[0]), cy: 9, r: 3, class: "dot"}));
   return svg;
 }
 
@@ -306,10 +306,11 @@ function drawNaming() {
 
 function showRuns(t, m) {
   const task = tasks[t], rows = task.runs[m], names = task.metrics.filter((n) => rows.some((row) => runs[n]?.[row] !== null && runs[n]?.[row] !== undefined));
-  const table = element("table", {}, head("Seed", "Status", ...names.map((n) => [metrics[n].title, metrics[n].meaning]), "Fingerprint", "Made by"),
+  const table = element("table", {}, head("Seed", "Status", "Fingerprint", ["Made by", ""], ...names.map((n) => [metrics[n].title, metrics[n].meaning])),
     element("tbody", {}, ...rows.map((row) => element("tr", {}, element("td", {class: "n"}, String(runs.seed[row])),
       element("td", {class: runs.status[row] === "ok" ? "" : "warn"}, runs.status[row] + (runs.reason[row] ? `: ${runs.reason[row]}` : "")),
-      ...names.map((n) => element("td", {class: "n"}, quantity(runs[n][row], unitOf(n, t), 4))), element("td", {}, element("code", {}, runs.fingerprint[row])), element("td", {class: "n"}, `№ ${runs.maker[row] + 1}`)))));
+      element("td", {}, element("code", {class: "mark"}, runs.fingerprint[row])), element("td", {class: "n"}, `№ ${runs.maker[row] + 1}`),
+      ...names.map((n) => element("td", {class: "n"}, quantity(runs[n][row], unitOf(n, t), 4)))))));
   const makers = [...new Set(rows.map((row) => runs.maker[row]))].map((k) => element("p", {class: "note"}, `№ ${k + 1}: ` + data.provenance.columns.map((c, i) => `${c} ${data.provenance.makers[k][i] || "unknown"}`).join(", ")));
   byId("runs").replaceChildren(element("form", {method: "dialog"}, element("button", {class: "close", "aria-label": "close"}, "✕")),
     element("h3", {}, `${contestants[m].name} on ${task.name}`), element("p", {class: "note"}, element("code", {}, contestants[m].key)), element("div", {class: "scroll"}, table), ...makers);

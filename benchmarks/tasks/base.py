@@ -112,7 +112,7 @@ class Task:
     tags: frozenset[str]
     joints: tuple[int, ...]
     make: Callable[[int], TaskData]
-    budget_seconds: float = 60.0
+    budget_seconds: float = 120.0
     memory_gib: float = 4.0
     initialisation_seconds: float = 0.25
     horizons_seconds: tuple[float, float, float] = (0.1, 0.5, 2.0)

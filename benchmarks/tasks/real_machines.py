@@ -57,7 +57,7 @@ def _add(
             tags=frozenset({"real", "single" if len(joints) == 1 else "pair"}),
             joints=joints,
             make=partial(make, name),
-            budget_seconds=120.0,
+            budget_seconds=240.0,
             horizons_seconds=horizons,
             bandwidth=bandwidth,
             deterministic=True,

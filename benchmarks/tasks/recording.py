@@ -265,20 +265,26 @@ def _twin(plant: Plant, log: Log, pose: Array) -> Log | None:
 
 
 def _truth(member: Member, effects: Sequence[Effect], log: Log, first: Experiment) -> Truth:
-    """Identifiable combinations of single joints, input-equivalent, under the names of the regressor's columns."""
+    """Identifiable combinations, input-equivalent, under the names of the regressor's columns.
+
+    Of several joints those that no choice of base parameters touches: ``velocity of joint 1``, ``coulomb of joint 1``.
+    """
     hidden = tuple((effect.name, effect.joint) for effect in effects)
-    if len(member.joints) > 1:
-        return Truth({}, hidden)
-    joint = member.joints[0]
     pose = first.pose or _start(member.joints, first)
-    values: dict[ColumnName, float] = dict(true_coefficients(member.robot, joint, pose))
-    values["coulomb"] = sum(
-        member.robot.input_equivalent(joint) * getattr(effect, "torque", 0.0)
-        for effect in effects
-        if effect.name == "coulomb_friction"
-    )
-    named = {name: Parameter(value, column_unit(name, log.facts[0])) for name, value in values.items()}
-    return Truth({str(name): parameter for name, parameter in named.items()}, hidden)
+    found: dict[str, Parameter] = {}
+    for joint, facts in zip(member.joints, log.facts, strict=True):
+        values: dict[ColumnName, float] = dict(true_coefficients(member.robot, joint, pose))
+        values["coulomb"] = sum(
+            member.robot.input_equivalent(joint) * getattr(effect, "torque", 0.0)
+            for effect in effects
+            if (effect.name, effect.joint) == ("coulomb_friction", joint)
+        )
+        single = len(member.joints) == 1
+        for name, value in values.items():
+            if single or name in ("velocity", "coulomb"):
+                told = str(name) if single else f"{name} of joint {joint}"
+                found[told] = Parameter(value, column_unit(name, facts))
+    return Truth(found, hidden)
 
 
 def _floor(robot: Robot, pairs: Sequence[tuple[Log, Log | None]]) -> Floor | None:

@@ -35,7 +35,7 @@ def _add(
     noise: Noise = "low",
 ) -> None:
     setting = Setting(name, joints, train, held_out, hide=Hidden(hidden) if hidden else None, noise=noise)
-    register(Task(name, title, frozenset(tags), joints, setting.make, budget_seconds=120.0))
+    register(Task(name, title, frozenset(tags), joints, setting.make, budget_seconds=240.0))
 
 
 _add("pair_coupled", "Joints 1 and 2 together, nothing hidden", PAIR, {"pair", "clean"}, PAIR_TRAIN, PAIR_HELD_OUT)

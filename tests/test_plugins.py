@@ -27,7 +27,7 @@ from methods.effects import from_file, vocabulary
 from methods.fitting import fit_files
 from methods.kernel import build
 from methods.model_files import decoded, encoded, load_model
-from methods.plugins import find_method
+from methods.plugins import find_method, load_all
 from methods.registry import METHODS, RegistryError
 from methods.scaffold import TEMPLATES, scaffold
 from methods.structured import StructuredModel
@@ -37,7 +37,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @pytest.fixture(autouse=True)
 def registry() -> Iterator[None]:
-    """Methods that a test registers are forgotten after it."""
+    """Methods that a test registers are forgotten after it; those of the project are all there from the start."""
+    load_all()
     before = dict(METHODS._entries)
     yield
     METHODS._entries.clear()

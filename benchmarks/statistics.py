@@ -41,7 +41,8 @@ def normalised_score(error: Array, worst: Array, best: Array) -> Array:
         s = log(worst / error) / log(worst / best),
 
     limited below at 0. It is 0 at the error `worst` of the contestant that knows nothing and 1 at the error `best`
-    that nobody can beat; infinite errors (failures, lost free runs) score 0. NaN where an error is NaN, and where
+    that noise leaves the true model; a biased model may predict better than that, and score above 1. Infinite errors
+    (failures, lost free runs) score 0. NaN where an error is NaN, and where
     `best` is not below `worst`: nothing can be gained there. A ratio scale needs logarithms, or the pooled figure is
     that of the task with the largest errors (Fleming and Wallace 1986).
     """

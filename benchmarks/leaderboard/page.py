@@ -61,7 +61,7 @@ def headline(results: Results, boards: Sequence[Leaderboard]) -> Headline:
         if board.group == "all":
             free = [item for item in board.standings if not results.contestants[item.contestant].role]
             if free:
-                sentences.append(_leader(results, board, free[0]))
+                sentences.append(_leader(results, board, free))
     status = results.frame["status"].astype(str)
     counts = (
         ("contestants", str(len(results.contestants))),
@@ -74,14 +74,19 @@ def headline(results: Results, boards: Sequence[Leaderboard]) -> Headline:
     return Headline(" ".join(sentences) or "No task has a constant predictor to measure others by.", counts)
 
 
-def _leader(results: Results, board: Leaderboard, first: Standing) -> str:
-    interval = first.score.interval
-    between = f" [{number(interval[0])} – {number(interval[1])}]" if interval is not None else ""
+def _leader(results: Results, board: Leaderboard, standings: Sequence[Standing]) -> str:
     question = {"inverse": "As inverse models", "simulation": "In free simulation"}[board.question.name]
-    contestant = results.contestants[first.contestant].name
-    return (
-        f"{question}, {contestant} leads on {first.tasks} tasks with a score of {number(first.score.value)}{between}."
+    first, *others = (
+        f"{results.contestants[item.contestant].name} with {_with_interval(item.score)}" for item in standings[:2]
     )
+    before = f", before {others[0]}" if others else ""
+    return f"{question}, {len(board.tasks)} tasks put {first} first{before}."
+
+
+def _with_interval(score: Estimate) -> str:
+    interval = score.interval
+    between = f" [{number(interval[0])} – {number(interval[1])}]" if interval is not None else ""
+    return number(score.value) + between
 
 
 def page_data(results: Results, boards: Sequence[Leaderboard]) -> dict[str, Any]:

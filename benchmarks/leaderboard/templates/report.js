@@ -236,7 +236,7 @@ function drawCurves(t) {
   const h = task.curves[present[0]].horizon, low = Math.min(...all, ...(noise ? [noise] : [])) * factor, high = Math.max(...all) * factor;
   const x = scale(Math.min(...h), Math.max(...h), frame.left, frame.right, true), y = scale(low / 1.4, high * 1.4, frame.bottom, frame.top, true);
   axes(svg, frame, x, y, "Horizon of the free run (s)", `Position error (${shown})`);
-  const path = (c, values) => "M" + values.map((v, k) => [c.horizon[k], v]).filter(([, v]) => finite(v) && v > 0).map(([a, v]) => `${x.at(a)},${y.at(v * factor)}`).join("L");
+  const path = (c, values) => "M" + (values.some((v) => finite(v) && v > 0) ? "" : "0,0") + values.map((v, k) => [c.horizon[k], v]).filter(([, v]) => finite(v) && v > 0).map(([a, v]) => `${x.at(a)},${y.at(v * factor)}`).join("L");
   const labels = [];
   const drawn = (m, attributes) => titled(shape("path", {d: path(task.curves[m], task.curves[m].median), fill: "none", ...attributes}), contestants[m].name);
   if (noise) {
@@ -251,7 +251,7 @@ function drawCurves(t) {
   }
   for (const m of chosen.filter((m) => present.includes(m))) {
     const c = task.curves[m], inside = c.horizon.map((a, k) => [a, c.low[k], c.high[k]]).filter((p) => finite(p[1]) && finite(p[2]) && p[1] > 0);
-    if (inside.length > 1) svg.append(shape("path", {d: "M" + [...inside.map((p) => `${x.at(p[0])},${y.at(p[1] * factor)}`), ...inside.reverse().map((p) => `${x.at(p[0])},${y.at(Math.min(p[2] * factor, y.high))}`)].join("L") + "Z", fill: colour(m), opacity: 0.12}));
+    if (inside.length > 1) svg.append(shape("path", {d: "M" + [...inside.map((p) => `${x.at(p[0])},${y.at(p[1] * factor)}`), ...inside.reverse().map((p) => `${x.at(p[0])},${y.at(Math.min(p[2] * factor, y.high))}`)].join("L") + "Z", fill: colour(m), opacity: 0.1}));
     svg.append(drawn(m, {stroke: colour(m), "stroke-width": 2.2, "stroke-dasharray": dash(m)}));
   }
   svg.append(...labels);

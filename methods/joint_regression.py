@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import decimate, savgol_filter
+from scipy.signal import decimate, fftconvolve, savgol_filter
 
 from envs.log import Array, JointFacts, Log
 from methods.base import Estimates, Fit, Method, MethodError, Status
@@ -126,14 +126,15 @@ class Preparation:
         for number, (log, part) in enumerate(zip(logs, signals, strict=True)):
             kernel = filter_.kernel(0, log.sample_time)
             every = max(1, int(1.0 / (log.sample_time * bandwidth * 2.5 * self.decimation)))
-            matrix = parallel_filtered(regressor(part.motion, columns, reversal), columns, kernel)
             half = len(kernel) // 2
             inner = slice(half, len(part) - half)
-            if len(matrix) < max(3 * len(columns), 30) * every:
+            remaining = len(part) - 2 * half
+            if remaining < max(3 * len(columns), 30) * every:
                 raise MethodError(
-                    f"{log.name} is too short for a filter of {bandwidth:.3g} Hz: {len(matrix)} samples remain",
-                    remedy=f"Record {(len(log) - len(matrix) + 40 * every) * log.sample_time:.2g} s or more",
+                    f"{log.name} is too short for a filter of {bandwidth:.3g} Hz: {max(remaining, 0)} samples remain",
+                    remedy=f"Record {(len(log) - remaining + 40 * every) * log.sample_time:.2g} s or more",
                 )
+            matrix = parallel_filtered(regressor(part.motion, columns, reversal), columns, kernel)
             rows.append(thinned(matrix, every))
             sides.append(thinned(part.command[inner], every)[:, 0])
             numbers.append(np.full(len(rows[-1]), number))
@@ -244,7 +245,7 @@ def parallel_filtered(matrix: Array, columns: tuple[ColumnName, ...], kernel: Ar
     cut = matrix[half : len(matrix) - half].copy()
     for k, name in enumerate(columns):
         if name in NOT_LINEAR:
-            cut[:, k] = np.convolve(matrix[:, k], kernel, mode="valid")
+            cut[:, k] = fftconvolve(matrix[:, k], kernel, mode="valid")
     return cut
 
 

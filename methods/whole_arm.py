@@ -18,12 +18,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import qr
 from scipy.optimize import least_squares
+from scipy.signal import fftconvolve
 
 from envs.log import COMMAND_UNIT, Array, Log
 from envs.robot import Robot
-from methods.arm import REVERSAL, ArmModel, Drives, described, described_body, full_states
+from methods.arm import REVERSAL, ArmModel, described, described_body, full_states
 from methods.base import Estimates, Fit, Method, MethodError, Motion, Status
 from methods.differentiation import BandLimited
+from methods.driven import Drives
 from methods.joint_regression import Preparation
 from methods.least_squares import long_run_scatter
 from methods.registry import METHODS
@@ -107,7 +109,7 @@ def arm_equations(method: WholeArm, logs: Sequence[Log]) -> ArmEquations:
         kernel = filter_.kernel(0, log.sample_time)
         half = len(kernel) // 2
         sign = np.tanh(part.motion.velocity / (REVERSAL * speeds))
-        smooth = np.column_stack([np.convolve(column, kernel, mode="same") for column in sign.T])
+        smooth = np.column_stack([fftconvolve(column, kernel, mode="same") for column in sign.T])
         every = max(1, math.ceil(total / method.rows), round(1.0 / (5.0 * bandwidth * log.sample_time)))
         at = np.arange(half + 1, len(part) - half - 1, every)
         if len(at) < 20 * n:

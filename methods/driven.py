@@ -1,6 +1,6 @@
 """Joints that a rigid-body model and one drive each describe: what models of several joints share.
 
-    u_j = c_j (tau_j + T_j tau_j') + k_j q_j' + o_j + f_j (1 + T_j d/dt) tanh(q_j' / w_j),    tau = M(q) q'' + b(q, q')
+    u_j = c_j (tau_j + T_j tau_j') + k_j q_j' + o_j + f_j (1 + T_j d/dt) tanh(q_j' / w_j),   tau = M(q) q'' + b(q, q')
 
 A family's primitive is M and b at one state (`RigidDynamics`); inverse and simulation follow here once.
 """
@@ -58,14 +58,18 @@ class DrivenModel(Model):
         """M and b, made ready for many states."""
 
     def inverse(self, time: Array, motion: Motion, command: Array | None = None) -> Array:
-        """Command (T, n); rates of torques are difference quotients along the motion."""
+        """Command (T, n); rates of torques are difference quotients along the motion.
+
+        The rate of the friction, an impulse at a reversal, is left out: measured accelerations are too smooth for it.
+        """
         rigid, own = self.dynamics(), self.drives
         states = zip(motion.position, motion.velocity, motion.acceleration, strict=True)
         torques = np.array([rigid.inertia(q) @ a + rigid.bias(q, v) for q, v, a in states])
-        motor = own.scale * torques + own.offset + own.friction * np.tanh(motion.velocity / own.reversal)
+        motor = own.scale * torques
         if np.any(own.lag > LEAST_LAG):
             motor = motor + own.lag * np.gradient(motor, time, axis=0)
-        return motor + own.damping * motion.velocity
+        friction = own.friction * np.tanh(motion.velocity / own.reversal)
+        return motor + own.damping * motion.velocity + own.offset + friction
 
     def simulate(self, time: Array, command: Array, initial: State, hold: Hold = "zero_order") -> Motion:
         """Runge-Kutta of order 4 in steps of 1 ms at most; the winding's lag is exact for a held command."""

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.real import drawing
 from benchmarks.real.diagnosed import said
 from benchmarks.real.inverse import missing
-from benchmarks.real.ladder import gains, parameters_table, rivals, steps_table, tried_table
+from benchmarks.real.ladder import gains, rivals_sentence, steps_table, tried_table
 from benchmarks.real.outcome import Outcome, Picture, Section, Table, rows
 from benchmarks.real.sensor import sensor_floor
 from benchmarks.real.windowed import Free, Model, Step, errors, fit, free_of, halves, ladder, score, windows
@@ -188,22 +188,19 @@ def run() -> Outcome:
                     "biased here: near resonance inertia and gravity cancel, the net torque is small, and the errors "
                     "of the "
                     "acceleration are not. It only serves as a start; every model is fitted to the simulation error "
-                    "of short "
-                    "windows.",
-                    "Rivals that would have brought at least 80 % of an accepted effect's gain: "
-                    + ("; ".join(f"{n}: {', '.join(o) or 'none'}" for n, o in rivals(steps, tried).items()) or "none")
-                    + ".",
+                    "of short windows.",
+                    rivals_sentence(steps, tried),
                 ),
                 tuple(ladder_picture(steps, authors, fitted, held_out, floor, j) for j in range(2)),
                 (
                     steps_table(steps, authors, fitted, held_out, MRAD, "mrad"),
                     parameters_beside(last, authors, biased),
-                    parameters_table(last),
                     tried_table(tried),
                 ),
             ),
             compared,
             reported,
+            left_section(numbers),
             engine.section,
         ),
         numbers,
@@ -271,8 +268,28 @@ def parameters_beside(last: Model, authors: Model, biased: Model) -> Table:
     ]
     columns = ("joint", "parameter", "here", "standard deviation", "authors' model 3.0", "regression on derivatives")
     return Table(
-        "beside", "Parameters of the extended model beside those of the others (N m, kg m², s)", columns, rows(found)
+        "beside",
+        "Parameters of the extended model beside those of the others (N m, kg m², s), standard deviations by windows",
+        columns,
+        rows(found),
     )
+
+
+def left_section(numbers: dict[str, float]) -> Section:
+    """What remains, and why."""
+    reached = [numbers[f"extended: held-out joint {j}"] for j in (1, 2)]
+    floor = [numbers[f"sensor floor joint {j}"] for j in (1, 2)]
+    swing = [numbers[f"extended: swing-up joint {j}"] for j in (1, 2)]
+    text = (
+        f"On held-out sines {reached[0]:.1f} and {reached[1]:.1f} mrad are left; encoder and state estimate at the "
+        f"beginning of a window alone give {floor[0]:.1f} and {floor[1]:.1f} mrad. There is little more to find in "
+        "these runs at this length of window.",
+        f"On the swing-ups {swing[0]:.0f} and {swing[1]:.0f} mrad are left. There the commanded torque reaches 8 N m "
+        "and "
+        "changes faster than the drives follow: the torque that they report has half the rms of the command. No fitted "
+        "run excites that, so nothing here can name it; a run with steps of torque would.",
+    )
+    return Section("What stays unexplained", text)
 
 
 def reported_section(
@@ -301,10 +318,10 @@ def reported_section(
     )  # fmt: skip
     text = (
         "The drives report a torque of their own. On the sine runs the authors' parameters do much better with it, "
-        "since they "
-        "were identified with it; on the swing-ups it is worse, where the command jumps between its limits and the "
-        "report "
-        "is low-passed and late. Everything else on this page uses the commanded torque, which is known exactly.",
+        "which suggests that they were identified with it; on the swing-ups, where the command jumps between its "
+        "limits, it is "
+        "no better. Fitted models hardly care. Everything else on this page uses the commanded torque, which is known "
+        "exactly.",
     )
     return Section("Commanded or reported torque", text, (), (table,))
 
@@ -326,8 +343,7 @@ def wrong_section(learn: Sequence[Log], nominal: Model, last: Model, authors: Mo
         "The nominal pair knows inertia, gravity and viscous friction. Against velocity the missing torque shows "
         "what friction "
         "it has not; the middle 80 % are wide because the acceleration is noisy, which is why nothing here is "
-        "estimated "
-        "from this picture.",
+        "estimated from this picture.",
     )
     picture = Picture(
         "missing", "Missing torque on the fitted runs: medians and the middle 80 %.", drawing.svg(drawn, "dfkimissing")

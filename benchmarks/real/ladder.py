@@ -74,6 +74,12 @@ def tried_table(tried: Sequence[tuple[str, str, float]]) -> Table:
     return Table("tried", title, ("step", "effect", "decrease"), rows(found), folded=True)
 
 
+def rivals_sentence(steps: Sequence[Step], tried: Sequence[tuple[str, str, float]]) -> str:
+    """Which names are not alone."""
+    parts = [f"{name}: {', '.join(others) or 'none'}" for name, others in rivals(steps, tried).items()]
+    return f"Rivals that would have brought at least 80 % of an accepted effect's gain: {'; '.join(parts) or 'none'}."
+
+
 def rivals(steps: Sequence[Step], tried: Sequence[tuple[str, str, float]]) -> dict[str, tuple[str, ...]]:
     """For every accepted effect the others that would have done nearly as well at that step."""
     found = {}

@@ -209,6 +209,7 @@ def run() -> Outcome:
         ladder_section(learn, test, static, found, parts, correlation),
         static_section(static),
         compensation_section(parts),
+        left_section(learn, found, static),
     ):
         sections.append(section)
         numbers |= more
@@ -216,17 +217,14 @@ def run() -> Outcome:
     summary = (
         f"Cogging was found, not given: in motion the orders {listed(found)} per revolution, in the static map "
         f"{listed(static)}; {int(numbers['orders in both'])} of the {int(numbers['orders in motion'])} orders found "
-        "in motion "
-        f"are also found at rest, and the amplitudes of the five largest agree within "
+        f"in motion are also found at rest, and the amplitudes of the five largest agree within "
         f"{100 * numbers['amplitude difference, five largest']:.0f} % at 0.03 rev/s.",
         f"What everybody would take for the input is not: the logged current is low-passed with "
         f"{1e3 * numbers['lag']:.0f} ± {1e3 * numbers['lag: deviation']:.0f} ms. Left out, the error that remains "
-        "beside "
-        f"cogging is {numbers['without lag'] / numbers['held-out: extended']:.1f} times as large.",
+        f"beside cogging is {numbers['without lag'] / numbers['held-out: extended']:.1f} times as large.",
         f"Current on runs that were not fitted: {numbers['held-out: nominal']:.3f} A without cogging, "
         f"{numbers['held-out: extended']:.3f} A with lag and {int(numbers['orders in motion'])} orders; two "
-        "recordings of "
-        f"the same motion differ by {numbers['repeatability']:.3f} A.",
+        f"recordings of the same motion differ by {numbers['repeatability']:.3f} A.",
         f"The order 7, the largest, is mostly not the motor's own: without the neighbouring motor it falls from "
         f"{numbers['order 7 with neighbour']:.2f} to {numbers['order 7 without neighbour']:.2f} A.",
     )
@@ -268,8 +266,7 @@ def wrong_section(learn: Sequence[Motion]) -> tuple[Section, dict[str, float]]:
     numbers = {"nominal: fitted": float(np.std(current - base @ plain)), "inertia without lag": float(plain[0])}
     text = (
         "A rotor with inertia and friction needs almost no current at 0.1 rev/s. The recorded current swings by more "
-        "than "
-        "two amperes, in the same places in every recording. Beside the static map it lags and is smaller.",
+        "than two amperes, in the same places in every recording. Beside the static map it lags and is smaller.",
     )
     caption = "Current over position: two recordings and the nominal model (left); static map and motion (right)."
     picture = Picture("current", caption, drawing.svg(drawn, "odwrong"))
@@ -421,13 +418,11 @@ def ladder_section(
         "Each row is fitted on two recordings at 0.10 rev/s and judged on others; only the constant is each "
         "recording's own. "
         "The last row takes cogging from the static map alone. Compensated runs are judged as well: the current has "
-        "to do the "
-        "same work against cogging whether the controller knows it beforehand or not.",
+        "to do the same work against cogging whether the controller knows it beforehand or not.",
         "At 0.03 rev/s the same orders hold with amplitudes nearer to those at rest: what low-passes the logged "
         "current is "
         "steeper than a first-order lag, and its order is not in the log. With the neighbouring motor turned away "
-        "from its place the order 7 is "
-        "another one, and the model of the fitted runs fails there, as it should.",
+        "from its place the order 7 is another one, and the model of the fitted runs fails there, as it should.",
     )
     picture = Picture("ladder", "Error of the predicted current, model by model.", drawing.svg(drawn, "odladder"))
     return Section("Effects in the order of their gain", text, (picture,), (table, own)), numbers
@@ -455,23 +450,42 @@ def static_section(static: Harmonics) -> tuple[Section, dict[str, float]]:
     table = Table(
         "static_maps",
         "Static maps: mean holding current and amplitudes of six orders [A]; c and e were taken after a restart that "
-        "moved "
-        "the zero by half a turn, rev and e backwards, iso without the neighbouring motor",
+        "moved the zero by half a turn, rev and e backwards, iso without the neighbouring motor",
         ("map", "positions", "mean", "order 7", "order 28", "order 14", "order 36", "order 12", "order 84", "left"),
         rows(found_rows),
     )
     text = (
         f"Two maps taken one after the other differ by {numbers['static repetition']:.3f} A rms. Approached forwards "
-        "(c) and "
-        f"backwards (e), both at the same zero, the mean holding current differs by twice the dry friction: "
+        f"(c) and backwards (e), both at the same zero, the mean holding current differs by twice the dry friction: "
         f"{numbers['dry friction from directions']:.3f} A. Without the neighbouring motor the order 7 falls from "
         f"{numbers['order 7 with neighbour']:.2f} to {numbers['order 7 without neighbour']:.2f} A while 28, 14, 36 "
         "and 12 stay: "
         "a rotor with 7 pole pairs beside another motor's magnets. The map rev has large neighbouring orders as "
-        "well; its "
-        "positions were not approached in the same order, and it is not used.",
+        "well; its positions were not approached in the same order, and it is not used.",
     )
     return Section("Static maps: repetition, direction, neighbour", text, (), (table,)), numbers
+
+
+def left_section(learn: Sequence[Motion], found: Harmonics, static: Harmonics) -> tuple[Section, dict[str, float]]:
+    """What remains of the current, and why."""
+    spread = repeatability(learn)
+    smaller = []
+    for order, amplitude in zip(found.orders, found.amplitudes, strict=True):
+        near = np.flatnonzero(np.abs(static.orders - order) < SAME)
+        if len(near) and static.amplitudes[near[0]] > 0.2:
+            smaller.append(1.0 - amplitude / static.amplitudes[near[0]])
+    text = (
+        f"{found.residual:.3f} A rms are left on the fitted runs, {spread:.3f} A do not even repeat between two "
+        "recordings. "
+        "The difference repeats itself, so it is physics or electronics and not noise.",
+        f"Amplitudes in motion at 0.10 rev/s are up to {100 * max(smaller):.0f} % smaller than at rest even with the "
+        "lag, "
+        "and less so at 0.03 rev/s. A torque that depends on the angle alone cannot do that; a logged current that is "
+        "filtered more steeply than by a first-order lag can. The filter of the drive's firmware is not in the log.",
+        "The diagnosis knows no input that is logged late. What it names here stands below and should not be believed: "
+        "its own verdict says so.",
+    )
+    return Section("What stays unexplained", text), {"left": found.residual}
 
 
 def compensation_section(parts: dict[str, Motion]) -> tuple[Section, dict[str, float]]:
@@ -492,7 +506,6 @@ def compensation_section(parts: dict[str, Motion]) -> tuple[Section, dict[str, f
     )
     text = (
         f"At 0.10 rev/s the compensation makes the motion {ratio:.1f} times smoother. The current stays as large: "
-        "cogging has "
-        "not gone, it is anticipated.",
+        "cogging has not gone, it is anticipated.",
     )
     return Section("With and without compensation", text, (), (table,)), {"ripple ratio": float(ratio)}

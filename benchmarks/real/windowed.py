@@ -275,8 +275,9 @@ def ladder(
 
     candidates: name and alternative starting points of each effect. A step has to lower the rms error of the fitted
     windows by `least`, half of that again when the model is fitted on every other window and judged on the others, and
-    its size has to be determined. Held-out windows are only looked at for the figures. Returns the steps and (step,
-    candidate, relative decrease) of everything that was tried.
+    its size has to be determined; of two effects one of which contains the other, the simpler one is taken where it
+    does as well. Held-out windows are only looked at for the figures. Returns the steps and (step, candidate, relative
+    decrease) of everything that was tried.
     """
     weight = 1.0 / np.std(fitted.reading, axis=0)
     total = lambda p, m: float(np.sqrt(np.mean((errors(p, m)[0] * weight) ** 2)))  # noqa: E731
@@ -307,6 +308,9 @@ def ladder(
                 gains.append(1.0 - with_it / without)
             if min(gains) < 0.5 * least or not determined(better, name):
                 continue
+            simple, shorter = simpler(fitted, model, better, name)
+            if shorter is not None and total(fitted, shorter) < (1.0 + 0.5 * least) * value:
+                name, better = simple, shorter
             model = fit(fitted, better)
             steps.append(Step(f"+ {name}", model, score(fitted, model), score(held_out, model)))
             left = [item for item in left if item[0] != name]
@@ -314,6 +318,17 @@ def ladder(
         else:
             return steps, tried
     return steps, tried
+
+
+def simpler(fitted: Problem, model: Model, better: Model, name: str) -> tuple[str, Model | None]:
+    """The effect that another one contains (Coulomb friction in bristles) in its place, from its values; or none."""
+    for included in effect(name).includes:
+        wanted = [p.name for p in effect(included).parameters]
+        own = [(f, v) for f, v in zip(better.free, better.values, strict=True) if f.owner == name and f.name in wanted]
+        free = tuple(replace(f, owner=included, begin=float(v), scale=0.0) for f, v in own)
+        if free and len({f.name for f in free}) == len(wanted):
+            return included, fit(fitted, Model(model.free, better.values[: len(model.free)]).extended(free), CONTEST)
+    return name, None
 
 
 def determined(model: Model, name: str) -> bool:

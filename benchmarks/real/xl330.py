@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.real import bam, drawing
 from benchmarks.real.diagnosed import said
 from benchmarks.real.inverse import missing
-from benchmarks.real.ladder import gains, parameters_table, rivals, steps_table, tried_table
+from benchmarks.real.ladder import gains, parameters_table, rivals_sentence, steps_table, tried_table
 from benchmarks.real.outcome import Outcome, Picture, Section, Table, rows
 from benchmarks.real.sensor import sensor_floor
 from benchmarks.real.windowed import Free, Model, Step, fit, free_of, ladder, score, windows
@@ -146,17 +146,8 @@ def summary(
         f"{numbers['m1 refitted']:.0f} mrad); with their published parameters, driven by the recorded voltage, "
         f"{numbers['best published m']:.0f} mrad at best.",
         f"The encoder alone would leave {numbers['sensor floor']:.1f} mrad, so most of the rest is physics that no "
-        "name "
-        "here covers.",
+        "name here covers.",
     )
-
-
-def rivals_sentence(steps: Sequence[Step], tried: Sequence[tuple[str, str, float]]) -> str:
-    """Which names are not alone."""
-    parts = []
-    for name, others in rivals(steps, tried).items():
-        parts.append(f"{name}: {', '.join(others) or 'none'}")
-    return f"Rivals that would have brought at least 80 % of an accepted effect's gain: {'; '.join(parts)}."
 
 
 def wrong_section(learn: Sequence[Log], given: Model, steps: Sequence[Step]) -> Section:
@@ -180,11 +171,12 @@ def wrong_section(learn: Sequence[Log], given: Model, steps: Sequence[Step]) -> 
     axes[0, 0].set_ylabel("missing voltage [V]")
     axes[0, 1].set_ylabel("missing voltage along the motion [V]")
     axes[0, 0].legend(loc="best")
+    rms = lambda parts: float(np.sqrt(np.mean(np.concatenate([p.command for p in parts]) ** 2)))  # noqa: E731
     text = (
-        "The missing voltage is what would have to be added to the command to explain the recorded motion. Seen along "
-        "the direction of motion (middle) it rises on both sides with the magnitude of the motor's torque: the "
-        "signature "
-        "of friction that grows with the load, not of a constant one.",
+        "The missing voltage is what would have to be added to the command to explain the recorded motion, against "
+        "velocity, against the motor's torque (both along the direction of motion) and against position. The refitted "
+        f"nominal model lacks {rms(before):.2f} V rms and lacks it wherever the motor works; the extended model lacks "
+        f"{rms(after):.2f} V.",
     )
     caption = (
         "Missing voltage of the refitted nominal and of the extended model, fitted runs, moving faster than 0.3 rad/s: "
@@ -276,11 +268,9 @@ def compared(learn: Sequence[Log], test: Sequence[Log], steps: Sequence[Step]) -
         "identified "
         "them in closed loop, the servo's own controller simulated with it; here every model gets the recorded voltage "
         "instead, which forgives nothing. As published they serve as a check of scale; refitted on the same windows "
-        "they "
-        "are contestants.",
+        "they are contestants.",
         "The step from m2 to m3, which is load-dependent friction, is the large one for them too. What m1 to m6 do "
-        "not have "
-        "is a torque that saturates at high voltage.",
+        "not have is a torque that saturates at high voltage.",
     )
     return Section("The authors' models on the same logs", text, (), (table, per_run, fits)), numbers
 
@@ -292,8 +282,7 @@ def left_section(test: Sequence[Log], model: Model, floor: float, reached: float
     own = MRAD * float(score(problem, refit)[0])
     text = (
         f"On held-out runs {reached:.1f} mrad remain, the encoder alone would leave {floor:.1f} mrad. The same model "
-        "fitted "
-        f"to the held-out runs themselves (no forecast) leaves {own:.1f} mrad: "
+        f"fitted to the held-out runs themselves (no forecast) leaves {own:.1f} mrad: "
         + (
             "so most of the rest is structure, not parameters that changed."
             if own > 0.7 * reached

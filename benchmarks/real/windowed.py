@@ -275,8 +275,8 @@ def ladder(
 
     candidates: name and alternative starting points of each effect. A step has to lower the rms error of the fitted
     windows by `least`, half of that again when the model is fitted on every other window and judged on the others, and
-    its size has to be determined; of two effects one of which contains the other, the simpler one is taken where it
-    does as well. Held-out windows are only looked at for the figures. Returns the steps and (step, candidate, relative
+    its size has to be determined; of two effects one of which contains the other, the simpler one is taken where the
+    rest of the richer one is not determined. Held-out windows are only looked at for the figures. Returns the steps and (step, candidate, relative
     decrease) of everything that was tried.
     """
     weight = 1.0 / np.std(fitted.reading, axis=0)
@@ -309,7 +309,7 @@ def ladder(
             if min(gains) < 0.5 * least or not determined(better, name):
                 continue
             simple, shorter = simpler(fitted, model, better, name)
-            if shorter is not None and total(fitted, shorter) < (1.0 + 0.5 * least) * value:
+            if shorter is not None and total(fitted, shorter) < (1.0 - least) * now:
                 name, better = simple, shorter
             model = fit(fitted, better)
             steps.append(Step(f"+ {name}", model, score(fitted, model), score(held_out, model)))
@@ -321,13 +321,18 @@ def ladder(
 
 
 def simpler(fitted: Problem, model: Model, better: Model, name: str) -> tuple[str, Model | None]:
-    """The effect that another one contains (Coulomb friction in bristles) in its place, from its values; or none."""
+    """What an effect contains (bristles contain Coulomb friction) in its place where nothing of the rest is determined.
+
+    Returns the name and the model with the simpler effect, from the values of the richer one; None where there is none.
+    """
+    spreads = zip(better.free, better.values, better.deviations, strict=True)
+    own = [(f, float(v), float(s)) for f, v, s in spreads if f.owner == name]
     for included in effect(name).includes:
-        wanted = [p.name for p in effect(included).parameters]
-        own = [(f, v) for f, v in zip(better.free, better.values, strict=True) if f.owner == name and f.name in wanted]
-        free = tuple(replace(f, owner=included, begin=float(v), scale=0.0) for f, v in own)
-        if free and len({f.name for f in free}) == len(wanted):
-            return included, fit(fitted, Model(model.free, better.values[: len(model.free)]).extended(free), CONTEST)
+        wanted = {p.name for p in effect(included).parameters}
+        kept = tuple(replace(f, owner=included, begin=v, scale=0.0) for f, v, _ in own if f.name in wanted)
+        rest = any(abs(v) > SIGNIFICANT * s for f, v, s in own if f.name not in wanted)
+        if not rest and {f.name for f in kept} == wanted:
+            return included, fit(fitted, Model(model.free, better.values[: len(model.free)]).extended(kept))
     return name, None
 
 

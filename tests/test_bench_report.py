@@ -119,9 +119,9 @@ def test_curve_and_naming_and_losses(results: Results) -> None:
     named = {item.task: dict(item.named) for item in naming(results)}
     assert set(named) == {"joint1_backlash", "joint1_cogging_torque", "joint1_coulomb_friction"}
     assert sum(named["joint1_backlash"].values()) == 4
-    reasons = {(item.contestant, item.status): item.runs for item in losses(results)}
-    assert reasons["gaussian_process", "timed_out"] == 8
-    assert reasons["sindy", "skipped"] == 4
+    reasons = {(item.contestants, item.status): item.runs for item in losses(results)}
+    assert reasons[("gaussian_process",), "timed_out"] == 8
+    assert reasons[("compensated_least_squares", "sindy", "total_least_squares"), "skipped"] == 4
 
 
 def test_every_table_has_noise_floor_and_ceiling(results: Results) -> None:

@@ -75,12 +75,10 @@ def headline(results: Results, boards: Sequence[Leaderboard]) -> Headline:
 
 
 def _leader(results: Results, board: Leaderboard, standings: Sequence[Standing]) -> str:
-    question = {"inverse": "As inverse models", "simulation": "In free simulation"}[board.question.name]
-    first, *others = (
-        f"{results.contestants[item.contestant].name} with {_with_interval(item.score)}" for item in standings[:2]
-    )
-    before = f", before {others[0]}" if others else ""
-    return f"{question}, {len(board.tasks)} tasks put {first} first{before}."
+    question = board.question.title.partition(":")[0]
+    first, *others = ((results.contestants[item.contestant].name, _with_interval(item.score)) for item in standings[:2])
+    before = f", before {others[0][0]} with {others[0][1]}" if others else ""
+    return f"{question}, {len(board.tasks)} tasks: {first[0]} leads with a score of {first[1]}{before}."
 
 
 def _with_interval(score: Estimate) -> str:

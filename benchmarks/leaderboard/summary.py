@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import dataclass
 
@@ -35,9 +36,9 @@ class Curve:
 
 @dataclass(frozen=True)
 class Loss:
-    """Runs of one contestant that gave nothing for the same reason."""
+    """Runs that gave nothing for one reason; numbers in it are those of the first run. runs: of each contestant."""
 
-    contestant: str
+    contestants: tuple[str, ...]
     status: str
     reason: str
     tasks: tuple[str, ...]
@@ -107,17 +108,24 @@ def curve(results: Results, m: int, t: int) -> Curve | None:
 
 
 def losses(results: Results) -> tuple[Loss, ...]:
-    """Every run that is not finished, gathered by contestant, status and reason."""
-    found: dict[tuple[str, str, str], list[str]] = {}
+    """Every run that is not finished, failures first; contestants that lost the same runs for one reason together."""
+    found: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
     for m, contestant in enumerate(results.contestants):
         for t, task in enumerate(results.tasks):
             for row in results.rows[m, t]:
                 status = "" if row < 0 else str(results.frame["status"].iloc[row])
                 if status not in ("", OK):
-                    key = (contestant.name, status, results.text(int(row), "reason") or "no reason was given")
-                    found.setdefault(key, []).append(task.name)
-    order = sorted(found, key=lambda key: (key[1] == SKIPPED, key))
-    return tuple(Loss(*key, tuple(sorted(set(found[key]))), len(found[key])) for key in order)
+                    reason = results.text(int(row), "reason") or "no reason was given"
+                    key = (contestant.name, status, re.sub(r"\d+", "0", reason))
+                    found.setdefault(key, []).append((task.name, reason))
+    alike: dict[tuple[str, str, tuple[str, ...], int], tuple[list[str], str]] = {}
+    for (name, status, pattern), lost in found.items():
+        tasks = tuple(sorted({task for task, _ in lost}))
+        alike.setdefault((status, pattern, tasks, len(lost)), ([], lost[0][1]))[0].append(name)
+    gathered = [
+        Loss(tuple(names), status, reason, tasks, runs) for (status, _, tasks, runs), (names, reason) in alike.items()
+    ]
+    return tuple(sorted(gathered, key=lambda item: (item.status == SKIPPED, item.contestants, item.reason)))
 
 
 def naming(results: Results) -> tuple[Naming, ...]:

@@ -130,7 +130,7 @@ def task_table(results: Results, t: int) -> Table:
                 )
             )  # fmt: skip
     floor_row = tuple(number(floors[n] * scales[n][0]) if n in floors else "" for n in metrics)
-    rows.append(("noise floor", *floor_row, ""))
+    rows.append(("noise floor" if floors else "noise floor (unknown)", *floor_row, ""))
     for item in task.published:
         rows.append(
             (
@@ -154,9 +154,11 @@ def task_table(results: Results, t: int) -> Table:
 
 def losses_table(found: Sequence[Loss]) -> Table:
     """Runs that gave nothing, with their reasons."""
-    rows = tuple((item.contestant, item.status, item.reason, ", ".join(item.tasks), str(item.runs)) for item in found)
-    columns = ("Contestant", "Status", "Reason", "Tasks", "Runs")
-    lower = tuple(column.lower() for column in columns)
+    rows = tuple(
+        (", ".join(item.contestants), item.status, item.reason, ", ".join(item.tasks), str(item.runs)) for item in found
+    )
+    columns = ("Contestants", "Status", "Reason", "Tasks", "Runs of each")
+    lower = tuple(column.lower().replace(" ", "_") for column in columns)
     return Table("failed_and_skipped", "Runs that gave nothing, and why", columns, rows, lower, rows)
 
 

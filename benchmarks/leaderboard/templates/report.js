@@ -123,7 +123,7 @@ function drawImprovement() {
   lines.sort((a, b) => a.middle - b.middle);
   const known = lines.flatMap((line) => line.pairs).filter((v) => finite(v) && v > 0);
   if (!known.length) return place.replaceChildren(element("p", {}, "These two have no finished run in common here."));
-  const label = Math.min(0.42 * width, 7 * Math.max(...lines.map((l) => tasks[l.t].name.length)) + 10), row = 22;
+  const label = Math.min(0.42 * width, 7.3 * Math.max(...lines.map((l) => tasks[l.t].name.length)) + 10), row = 22;
   const frame = {left: label, right: width - 14, top: 24, bottom: 24 + row * lines.length}, svg = canvas(width, frame.bottom + 46, "error ratios by task");
   const x = scale(Math.min(0.9, ...known) / 1.15, Math.max(1.1, ...known) * 1.15, frame.left, frame.right, true);
   axes(svg, frame, x, {ticks: [], at: () => 0}, `Error over that of ${contestants[state.against].name}`, "");
@@ -131,7 +131,7 @@ function drawImprovement() {
   svg.append(shape("text", {x: x.at(1) - 8, y: 15, "text-anchor": "end", class: "tick"}, "← better"));
   if (x.at(1) + 60 < width) svg.append(shape("text", {x: x.at(1) + 8, y: 15, class: "tick"}, "worse →"));
   lines.forEach((line, k) => {
-    const y = frame.top + row * (k + 0.5), name = tasks[line.t].name, room = Math.floor(label / 6.6);
+    const y = frame.top + row * (k + 0.5), name = tasks[line.t].name, room = Math.floor((label - 10) / 7);
     svg.append(titled(shape("text", {x: label - 8, y: y + 4, "text-anchor": "end", class: "label"}, name.length > room ? name.slice(0, room - 1) + "…" : name), tasks[line.t].title));
     const inside = line.pairs.filter((v) => finite(v) && v > 0), colour = line.middle <= 1 ? COLOURS[0] : COLOURS[1];
     if (inside.length > 1) svg.append(shape("line", {x1: x.at(Math.min(...inside)), x2: x.at(Math.max(...inside)), y1: y, y2: y, stroke: colour, "stroke-width": 2, opacity: 0.45}));

@@ -31,13 +31,13 @@ OF_EFFECTS = {check.name: check for check in EFFECT_CHECKS}
 
 SLOW = frozenset(
     (
+        "ensemble_sindy",
         "gaussian_process",
         "kalman_filter",
-        "ls_nn_four_signals_lbfgs",
-        "ls_nn_two_signals_lbfgs",
         "mujoco_sysid",
         "network_alone",
-        "neural_state_space",
+        "weak_sindy",
+        *METHODS.names("torch"),
     )
 )
 """Methods whose checks take more than ten seconds: by default they run only those that fit nothing."""

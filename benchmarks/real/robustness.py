@@ -33,8 +33,10 @@ CONFIDENT = ("named",)
 """Verdicts that claim to know."""
 PERIOD = 6250
 """Samples of the EMPS recording that are used: one period of its reference, a second time held out."""
-SEEDS = {"blind": 11, "other": 12}
-"""Seeds of the synthetic recordings; coulomb friction is hidden in the first."""
+SYNTHETIC, STRANGER = (11, "adept_j1"), (12, "servo")
+"""Seed and family of the synthetic recordings; Coulomb friction is hidden in both, the machines differ."""
+SHORTENED = 10_000
+"""Samples of the synthetic recordings that are used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,22 +159,22 @@ def item_of(name: str) -> Log:
 
 
 def blind() -> Machine:
-    """A synthetic servo with dry friction, recorded by the independent simulator."""
-    first, test = synthetic(SEEDS["blind"])
-    other, _ = synthetic(SEEDS["other"])
-    return Machine("synthetic servo", (first,), (test,), None, other)
+    """A synthetic arm joint with dry friction, recorded by the independent simulator."""
+    first, test = synthetic(*SYNTHETIC)
+    return Machine("synthetic joint", (first,), (test,), None, synthetic(*STRANGER)[0])
 
 
 @cache
-def synthetic(seed: int) -> tuple[Log, Log]:
+def synthetic(seed: int, family: str) -> tuple[Log, Log]:
     """Training and held-out log of a blind trial, made by its own command so that nothing else of it can be seen."""
     with tempfile.TemporaryDirectory() as place:
-        command = ["--seed", str(seed), "--kind", "single", "--family", "servo", "--effect", "coulomb_friction"]
+        command = ["--seed", str(seed), "--kind", "single", "--family", family, "--effect", "coulomb_friction"]
         subprocess.run(
             [sys.executable, "-m", "benchmarks.blind.trials", *command, "--out", place], check=True, capture_output=True
         )
         folder = next((Path(place) / "logs").iterdir())
-        return load(folder / "train_0.csv"), load(folder / "holdout_0.csv")
+        logs = [load(folder / name) for name in ("train_0.csv", "holdout_0.csv")]
+        return logs[0].slice(0, SHORTENED), logs[1].slice(0, SHORTENED)
 
 
 def commanded() -> Machine:
@@ -257,7 +259,7 @@ def main(
         for entry in json.loads(path.read_text(encoding="utf-8")):
             answer = Answer(**{**entry, "names": tuple(entry["names"]), "findings": tuple(entry["findings"])})
             kept[answer.machine, answer.case] = answer
-    makers: dict[str, Callable[[], Machine]] = {"emps": emps, "xl330": xl330, "synthetic servo": blind}
+    makers: dict[str, Callable[[], Machine]] = {"emps": emps, "xl330": xl330, "synthetic joint": blind}
     for name, make in makers.items():
         if machines and name not in machines:
             continue
@@ -271,7 +273,7 @@ def main(
             change = lambda log, s=spoil, r=rng: log if s is None else s(log, r)  # noqa: E731
             jobs.append((case, machine, [change(log) for log in machine.fitted],
                          [change(log) for log in machine.held_out], repair))  # fmt: skip
-        mixed = machine.stranger if name != "emps" else synthetic(SEEDS["blind"])[0]
+        mixed = machine.stranger if name != "emps" else synthetic(*SYNTHETIC)[0]
         own = machine.fitted[:1] if name != "emps" else (machine.stranger,)
         jobs.append((MIXED, machine, [*own, mixed], [], False))
         if name == "xl330":

@@ -42,7 +42,7 @@ def run_on_cluster(cells: Sequence[Cell], address: str, finish: Callable[[dict[s
     setting = _Setting(fingerprint.installation(), needed(cells))
     with client:
         slots = max(1, sum(client.nthreads().values()))
-        completed = as_completed(raise_errors=False)
+        completed = as_completed(loop=client.loop, raise_errors=False)
         waiting = [_Group(reference, seed, items) for (reference, seed), items in groups.items()]
         group_of: dict[Any, tuple[_Group, Cell]] = {}
 

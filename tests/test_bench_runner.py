@@ -148,7 +148,7 @@ def test_a_killed_run_goes_on_where_it_stopped(tiny: str, tmp_path: Path) -> Non
     assert after[before.index].equals(before)
 
 
-def wait_for(condition, seconds: float = 120.0) -> None:
+def wait_for(condition, seconds: float = 400.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it takes too long"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -69,9 +70,9 @@ def test_the_same_runs_move_nothing() -> None:
 
 
 def test_other_seeds_raise_hardly_ever_a_false_alarm() -> None:
-    """Sixty worlds with a reference and a rerun each, and a method that loses runs and has heavy tails among them."""
+    """Forty worlds with a reference and a rerun each, and a method that loses runs and has heavy tails among them."""
     alarms = 0
-    for draw in range(60):
+    for draw in range(40):
         findings = compare(runs((100, 101), draw=draw), runs(range(10), draw=draw, trials=("run", "rounding")), {})
         assert {item.basis for item in findings} == {"other seeds"}
         alarms += bool(regressions(findings))
@@ -248,6 +249,7 @@ def task(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def plugin(task: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A method's file beside a suite of one task."""
     (tmp_path / "mine.py").write_text(METHOD, encoding="utf-8")
+    monkeypatch.setattr(check, "REFERENCE_SEEDS", 6)
     monkeypatch.setitem(SUITES, "tiny", Suite("tiny", "one task", (str(task),), (), (0, 1)))
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -267,17 +269,17 @@ def test_ones_own_method_against_ones_own_reference(plugin: Path) -> None:
     status, text = told()
     assert (status, "nothing moved" in text) == (0, True)
 
-    cells = plan(SUITES["tiny"].tasks, ["mine.py"], range(1000, 1040))
+    cells = plan(SUITES["tiny"].tasks, ["mine.py"], range(1000, 1020))
     fresh = check.measure(cells, "run", workers=2, progress=False)
     before = reference.read(plugin / "ref" / "tiny.csv")
-    reruns = [[r for r in fresh if r.seed in (first, first + 1)] for first in range(1000, 1040, 2)]
-    assert [regressions(compare(rerun, before, {})) for rerun in reruns] == [[]] * 20
+    assert [regressions(compare([rerun], before, {})) for rerun in fresh] == [[]] * 20
 
     worsened = METHOD.replace("BandLimited(20.0)", "BandLimited(3.0)")
     (plugin / "mine.py").write_text(worsened, encoding="utf-8")
     status, text = told()
     assert (status, "regression" in text, "made_up" in text) == (1, True, True)
 
+    shutil.rmtree(check.UNFINISHED)  # a process reads a plugin once, and would take the first runs for the same
     status, text = told("--update")
     assert (status, "regression" in text) == (0, True)
     assert (plugin / "ref" / "tiny.csv").read_bytes() != made

@@ -149,7 +149,9 @@ def _lost_on_same_seeds(fresh: Sequence[Run], reference: Sequence[Run]) -> list[
     shaky = _shaky(reference)
     found: dict[tuple[str, str], Finding] = {}
     for run in fresh:
-        old = before[run.task, run.method, run.seed]
+        old = before.get((run.task, run.method, run.seed))
+        if old is None:
+            continue
         what, why = _lost(run)
         if what and not _lost(old)[0] and old.status == "ok":
             verdict: Verdict = "same" if (run.task, run.method) in shaky else "regression"

@@ -201,5 +201,8 @@ def test_judgements() -> None:
     assert judge(Answer("m", "x", "refused", message="wrong"), sound) == "caught: refused"
     assert judge(Answer("m", "x", "named", ("backlash",)), sound) == "WRONG"
     assert judge(Answer("m", "x", "unknown", ("backlash",)), sound) == "not confident"
+    assert judge(Answer("m", "x", "crashed", message="LinAlgError"), sound) == "CRASHED"
+    other = Answer("xl330", "as recorded", "unknown", ("supply_sag",))
+    assert judge(Answer("xl330", "x", "named", ("load_dependent_friction",)), other) == "same names, other verdict"
     said = Answer("m", "x", "named", ("backlash",), findings=("log: wrong gear ratio?",))
     assert judge(said, sound) == "caught: said"

@@ -275,9 +275,9 @@ def ladder(
 
     candidates: name and alternative starting points of each effect. A step has to lower the rms error of the fitted
     windows by `least`, half of that again when the model is fitted on every other window and judged on the others, and
-    its size has to be determined. Of two effects one of which contains the other, the simpler one is taken where the rest
-    of the richer one is not determined. Held-out windows are only looked at for the figures. Returns the steps and (step,
-    candidate, relative decrease) of everything that was tried.
+    its size has to be determined. Of two effects one of which contains the other, the simpler one is taken where the
+    rest of the richer one is not determined. Held-out windows are only looked at for the figures. Returns the steps
+    and (step, candidate, relative decrease) of everything that was tried.
     """
     weight = 1.0 / np.std(fitted.reading, axis=0)
     total = lambda p, m: float(np.sqrt(np.mean((errors(p, m)[0] * weight) ** 2)))  # noqa: E731

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.cells import TaskReference
 from benchmarks.tasks.base import TAGS, TASKS, Task, TaskData, load_tasks
 from benchmarks.tasks.recording import NOISE, Experiment, Setting
 from benchmarks.yardstick import METRICS, Examination
@@ -148,5 +147,15 @@ def trial() -> TaskData:
     return data if data.truth.effects[0][0] != "backlash" else make(1)
 
 
-def test_a_task_reference_loads_plugins_once(tmp_path: object) -> None:
-    assert TaskReference("emps").load().name == "emps"
+def test_suites_name_what_there_is() -> None:
+    from benchmarks.suites import SUITES
+    from methods.registry import METHODS
+
+    for suite in SUITES.values():
+        assert set(suite.tasks) <= set(TASKS.names())
+        assert set(suite.methods) <= set(METHODS.names())
+        assert len(suite.seeds) == len(set(suite.seeds)) > 0
+    assert SUITES["full"].tasks == TASKS.names()
+    assert SUITES["full"].methods == METHODS.names()
+    kinds = {tag for name in SUITES["quick"].tasks for tag in TASKS[name].tags}
+    assert {"single", "pair", "clean", "hidden", "noise", "extrapolation", "second-world"} <= kinds

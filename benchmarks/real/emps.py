@@ -370,7 +370,7 @@ def carried(steps: Sequence[Step]) -> str:
 
 
 def concentration(log: Log, found: Regression) -> tuple[float, float, float]:
-    """Share of samples with an acceleration above 0.3 m/s^2, their share of the residual's energy, share above 10 Hz."""
+    """Share of samples above 0.3 m/s^2, their share of the energy of the residual, its share above 10 Hz."""
     matrix, force = observed(log, found.names)
     residual, fast = force - matrix @ found.values, np.abs(matrix[:, 0]) > 0.3
     frequency, power = welch(residual, 1.0 / (DECIMATION * log.sample_time), nperseg=512)

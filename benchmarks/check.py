@@ -211,7 +211,7 @@ def _aligned(findings: Sequence[Finding]) -> list[str]:
         return []
     order = {"regression": 0, "not compared": 1, "better": 2, "same": 3}
     ranked = sorted(findings, key=lambda item: order[item.verdict])
-    rows: list[tuple[str, ...]] = [("", "task", "method", "metric", "now", "reference", "change", "allowed", "")]
+    rows: list[tuple[str, ...]] = [("", "task", "method", "metric", "now (SI)", "reference", "change", "allowed", "")]
     rows += [_row(item) for item in ranked]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
     return [

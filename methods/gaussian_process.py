@@ -37,6 +37,7 @@ LINEAR = 9
 
 @njit(cache=True)
 def _linear(p, q, dq, ddq, jerk):
+    # the linear part of `methods.joint_equation`, again because numba's cache does not watch other files
     value = p[0] * jerk + p[1] * ddq + p[2] * dq + p[3] + p[5] * q
     if p[4] != 0.0:
         value += p[4] * np.tanh(dq / p[8])

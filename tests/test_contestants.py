@@ -279,7 +279,6 @@ def test_the_constant_predicts_the_mean_and_stays(voltage: Log) -> None:
 
 
 METHODS.load_package("methods")
-NAMES = [name for name in METHODS.names() if "multi-joint" not in METHODS[name].tags]
 
 
 def unusable() -> dict[str, list[Log]]:

@@ -13,7 +13,7 @@ from benchmarks.tasks.base import Task, TaskData, Truth, register
 from methods.base import Cause
 
 if TYPE_CHECKING:
-    from benchmarks.blind.trials import Trial
+    from benchmarks.blind.trials import Truth as BlindTruth
 
 FIRST_SEED = 4_000_000
 """Seeds of the benchmark's trials are kept apart from those that methods are tuned on."""
@@ -28,37 +28,21 @@ SCORES = {"right": 1.0, "unsure": 0.5, "missed": 0.0, "wrong": 0.0}
 
 
 @dataclass(frozen=True)
-class _Rival:
-    name: str
-
-
-@dataclass(frozen=True)
-class _Accepted:
-    name: str
-    rivals: tuple[_Rival, ...]
-
-
-@dataclass(frozen=True)
-class _Finding:
-    """What the score of blind trials reads of a diagnosis."""
-
-    verdict: str
-    accepted: tuple[_Accepted, ...]
-
-
-@dataclass(frozen=True)
 class BlindJudge:
-    """Judges by the rules of `benchmarks.blind.score.outcome`."""
+    """Judges by the rules of `benchmarks.blind.score.outcome`; the joint counts as well as the name."""
 
-    trial: Trial
+    hidden: BlindTruth
 
     def __call__(self, verdict: str | None, causes: tuple[Cause, ...]) -> tuple[str, float]:
         """``right``, ``unsure``, ``missed`` or ``wrong``, and its score."""
         from benchmarks.blind.score import outcome
 
-        accepted = tuple(_Accepted(cause.effect, tuple(map(_Rival, cause.rivals))) for cause in causes)
+        effects = [
+            {"name": cause.effect, "joint": cause.joint, "alternatives": [{"name": rival} for rival in cause.rivals]}
+            for cause in causes
+        ]
         said = verdict or ("named" if causes else "none")
-        word = outcome(self.trial, _Finding(said, accepted))  # type: ignore[arg-type]
+        word = outcome(self.hidden, {"verdict": said, "effects": effects})
         return word, SCORES[word]
 
 
@@ -77,7 +61,7 @@ def make(kind: str, seed: int) -> TaskData:
     else:
         return make(kind, seed + 1000)
     hidden = tuple((item.hidden.name, item.joint) for item in trial.truth.effects)
-    judge = BlindJudge(replace(trial, train=(), holdout=(), truth=replace(trial.truth, streams=())))
+    judge = BlindJudge(replace(trial.truth, streams=()))
     return TaskData(trial.train, trial.holdout, Truth({}, hidden), judge=judge)
 
 

@@ -9,13 +9,18 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from diagnosis.estimation import Fitted, errors, fit
+from diagnosis.estimation import Fitted, covariance, errors, fit
+from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
-from diagnosis.search import Ranked, Scored, hypotheses_of, ranking, try_all
+from diagnosis.search import Ranked, Scored, hypotheses_of, polish, ranking, try_all
+from envs.log import Array
 from methods.effects.base import Effect
 
+JITTER = "timestamp_jitter"
+"""The effect that shows in the scatter of the readings only."""
 Verdict = Literal["none", "named", "ambiguous", "unknown"]
 
 
@@ -28,6 +33,9 @@ class Settings:
     credible: number of effects per joint above which they are taken for patchwork around something unknown.
     minor: share of all that was explained below which a further effect is taken for an inexact law of another.
     doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`.
+    disturbance: unlogged torque, as a share of the motor torque, that does so too. relevant: torque of what stays
+    unexplained, as a share of the command's rms, below which it is put down to integrators and inexact laws; a further
+    effect needs half of that.
     """
 
     threshold: float = 12.0
@@ -38,6 +46,8 @@ class Settings:
     minor: float = 0.01
     doubtful: float = 0.15
     unexplained: float = 0.03
+    disturbance: float = 0.03
+    relevant: float = 0.008
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +62,11 @@ class Accepted:
     @property
     def name(self) -> str:
         return self.scored.name
+
+    @property
+    def label(self) -> str:
+        """The standard name, whichever instance of the effect it is."""
+        return self.scored.label
 
     @property
     def joint(self) -> int:
@@ -118,7 +133,12 @@ def _find(
     tell: Callable[[str], None],
 ) -> Finding:
     whole = select(problem, structures, effects, settings, tell)
-    if whole.verdict != "unknown":
+    if whole.verdict in ("none", "named"):
+        return with_jitter(problem, whole, effects, settings)
+    depends = (
+        sum(r.excess for r in whole.remainders) > 0.0 or distinct(whole.accepted) > settings.credible * problem.joints
+    )
+    if whole.verdict != "unknown" or not depends:
         return whole
     narrow = in_band(problem)
     if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
@@ -143,7 +163,7 @@ def select(
     accepted: list[Accepted] = []
     refused: tuple[Ranked, ...] = ()
     present: set[tuple[str, int]] = set()
-    while len(accepted) < settings.limit * problem.joints:
+    while distinct(accepted) < settings.limit * problem.joints:
         tell(f"looking for effect {len(accepted) + 1}")
         explained = nominal.criterion - base.criterion
         needed = -np.inf
@@ -151,15 +171,12 @@ def select(
             complete = is_complete(problem, nominal, base)
             needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
         ranked = try_all(problem, base, hypotheses_of(effects, problem.joints, present), needed=needed)
-        chosen = choose(problem, ranked, settings, explained)
+        chosen = choose(problem, ranked, settings, explained, first=not accepted)
         if chosen is None:
             refused = ranking(ranked)
             break
-        polished = fit(problem, chosen.scored.fitted.point, rounds=2, iterations=12)
-        if polished.criterion < chosen.scored.fitted.criterion:
-            chosen = replace(
-                chosen, scored=replace(chosen.scored, fitted=polished, decrease=base.criterion - polished.criterion)
-            )
+        chosen = replace(chosen, scored=polish(problem, base, chosen.scored))
+        chosen = simplified(problem, base, chosen, effects, settings)
         accepted.append(chosen)
         present.add((chosen.name, chosen.joint))
         for included in chosen.scored.start.hypothesis.effect.includes:
@@ -168,18 +185,27 @@ def select(
         steps.append(base)
         accepted, base = prune(problem, nominal, accepted, base, settings)
     left = tuple(remainder(problem, base, j) for j in range(problem.joints))
-    if accepted and sum(r.excess for r in left) > settings.unexplained * (nominal.criterion - base.criterion):
+    if (
+        accepted
+        and sum(r.excess for r in left) > settings.unexplained * (nominal.criterion - base.criterion)
+        and max(r.share for r in left) > settings.relevant
+    ):
         tell("looking for better combinations")
         swapped = swap(problem, effects, accepted, base, settings)
         if swapped is not None:
             accepted, base = swapped
             left = tuple(remainder(problem, base, j) for j in range(problem.joints))
     accepted, base, left = trim(problem, nominal, accepted, base, left, settings)
+    if (sharp := significant(problem, accepted, base, settings)) is not None:
+        accepted, base = sharp
+        left = tuple(remainder(problem, base, j) for j in range(problem.joints))
     said = verdict(nominal, base, accepted, left, settings)
     return Finding(said, nominal, tuple(accepted), base, left, tuple(steps), refused=refused)
 
 
-def choose(problem: Problem, ranked: list[Scored], settings: Settings, explained: float) -> Accepted | None:
+def choose(
+    problem: Problem, ranked: list[Scored], settings: Settings, explained: float, *, first: bool
+) -> Accepted | None:
     """The best hypothesis that is significant and material; among near equals the one with fewest parameters."""
     if not ranked:
         return None
@@ -192,7 +218,7 @@ def choose(problem: Problem, ranked: list[Scored], settings: Settings, explained
     for scored in near:
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
-        if share >= settings.material:
+        if share >= (settings.material if first else 0.5 * settings.relevant):
             rivals = tuple(
                 s
                 for s in ranked
@@ -222,6 +248,78 @@ def prune(
     return accepted, base
 
 
+def distinct(accepted: Sequence[Accepted]) -> int:
+    """Number of effects; the harmonics of one count once."""
+    return len({(item.label, item.joint) for item in accepted})
+
+
+def simplified(
+    problem: Problem, base: Fitted, chosen: Accepted, effects: Sequence[Effect], settings: Settings
+) -> Accepted:
+    """The effect that the chosen one includes as its limit, where that does as well with fewer parameters."""
+    effect, joint = chosen.scored.start.hypothesis.effect, chosen.joint
+    inner = [(other, joint) for other in effects if other.name in effect.includes]
+    if not inner:
+        return chosen
+    for simple in try_all(problem, base, inner, refine=len(inner), finals=len(inner)):
+        simple = polish(problem, base, simple)
+        saved = chosen.scored.price - simple.price
+        if chosen.scored.decrease - simple.decrease < saved + settings.threshold:
+            share = materiality(problem, simple.fitted, simple.name, joint)
+            rivals = tuple(rival for rival in chosen.rivals if rival.name != simple.name)
+            return replace(chosen, scored=simple, material=share, rivals=rivals)
+    return chosen
+
+
+def significant(
+    problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted] | None:
+    """Without the effects whose amplitudes do not stand out of their own robust deviations; None if all of them do."""
+    changed = False
+    while accepted:
+        spread = covariance(base)
+        weakest = min(accepted, key=lambda item: wald(base, item, spread))
+        if wald(base, weakest, spread) > settings.threshold:
+            break
+        base = without(problem, base, weakest)
+        accepted, changed = [other for other in accepted if other is not weakest], True
+    return (accepted, base) if changed else None
+
+
+def with_jitter(problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings) -> Finding:
+    """The finding with a jitter of the sampling instants where the scatter or the stamps show one."""
+    effect = next((effect for effect in effects if effect.name == JITTER), None)
+    if effect is None:
+        return finding
+    price = float(np.log(finding.final.samples))
+    for j in range(problem.joints):
+        found = jitter(problem, finding.final, j)
+        if problem.stamps is not None:
+            found = Jitter(problem.stamps.error, problem.stamps.error / np.sqrt(2.0 * price), problem.stamps.decrease)
+        if found is None or found.decrease < price + settings.threshold:
+            continue
+        hypothesis, values = Hypothesis(effect, j), np.full((problem.logs, 1), found.rms)
+        fitted = finding.final
+        size = len(fitted.point.free)
+        spread = np.zeros((size + 1, size + 1))
+        spread[:size, :size], spread[size, size] = fitted.covariance, found.deviation**2
+        fitted = replace(
+            fitted,
+            point=extend(problem, fitted.point, hypothesis, values),
+            covariance=spread,
+            jacobian=np.vstack([fitted.jacobian, np.zeros_like(fitted.jacobian[:1])]),
+        )
+        scored = Scored(Start(hypothesis, values, found.decrease), fitted, found.decrease, price)
+        finding = replace(
+            finding,
+            verdict="named",
+            accepted=(*finding.accepted, Accepted(scored, 0.0, ())),
+            final=fitted,
+            steps=(*finding.steps, fitted),
+        )
+    return finding
+
+
 def allowance(nominal: Fitted, base: Fitted) -> float:
     """Excess of the remainder that is put down to inexact laws and integrators rather than to something missing."""
     return max(20.0, 0.005 * (nominal.criterion - base.criterion))
@@ -242,11 +340,13 @@ def swap(
     improved = False
     for _ in range(2):
         best: tuple[list[Accepted], Fitted] | None = None
-        for item in accepted[:3]:
+        for item in accepted[:2]:
             smaller = without(problem, base, item)
             others = [other for other in accepted if other is not item]
-            taken = {(other.name, other.joint) for other in accepted}
-            ranked = try_all(problem, smaller, hypotheses_of(effects, problem.joints, taken), refine=5, finals=1)
+            kept = {(other.name, other.joint) for other in others}
+            every = hypotheses_of(effects, problem.joints, kept)
+            candidates = [(e, j) for e, j in every if (e.name, j) != (item.name, item.joint)]
+            ranked = try_all(problem, smaller, candidates, refine=4, finals=1)
             if not ranked:
                 continue
             found = ranked[0]
@@ -262,8 +362,11 @@ def swap(
     return (accepted, base) if improved else None
 
 
-def wald(base: Fitted, item: Accepted) -> float:
-    """Wald statistic of an effect's amplitudes: what its removal would cost to first order."""
+def wald(base: Fitted, item: Accepted, spread: Array | None = None) -> float:
+    """Wald statistic of an effect's amplitudes: what its removal would cost to first order.
+
+    spread: covariance of the free parameters, that of the fit unless given.
+    """
     effect = item.scored.start.hypothesis.effect
     names = [effect.parameters[a].name for a in (effect.amplitudes or range(effect.size))]
     wanted = [
@@ -273,7 +376,9 @@ def wald(base: Fitted, item: Accepted) -> float:
         if f.name.startswith(f"{item.name}.{name}@{item.joint}")
     ]
     values = base.point.vector[wanted]
-    return float(values @ np.linalg.pinv(base.covariance[np.ix_(wanted, wanted)]) @ values)
+    return float(
+        values @ np.linalg.pinv((base.covariance if spread is None else spread)[np.ix_(wanted, wanted)]) @ values
+    )
 
 
 def trim(
@@ -321,9 +426,12 @@ def verdict(
     """none, named, ambiguous or unknown."""
     explained = nominal.criterion - final.criterion
     excess = sum(r.excess for r in left)
-    if excess > max(settings.unexplained * explained, 20.0):
+    if excess > max(settings.unexplained * explained, 20.0) and max(r.share for r in left) > settings.relevant:
         return "unknown"
-    if len(accepted) > settings.credible * len(left):
+    if (
+        distinct(accepted) > settings.credible * len(left)
+        or max(r.disturbance_share for r in left) > settings.disturbance
+    ):
         return "unknown"
     if any(item.rivals for item in accepted):
         return "ambiguous"

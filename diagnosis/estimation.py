@@ -12,9 +12,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.ndimage import median_filter
 from scipy.signal import firwin
 
 from diagnosis.problem import Free, Problem
@@ -121,7 +124,7 @@ def whitener(problem: Problem, error: Array) -> Whitener:
         kept = np.zeros(stop - start, dtype=bool)
         kept[::every] = True
         mask[start:stop] &= kept
-    limited = error if every == 1 else prediction_filter(np.ascontiguousarray(error.T), band).T
+    limited = without_lines(problem, error) if every == 1 else prediction_filter(np.ascontiguousarray(error.T), band).T
     rows = np.flatnonzero(mask)
     rows = rows[:: len(rows) // 40_000 + 1]
     filters = np.zeros((problem.joints, memory + 1))
@@ -136,6 +139,54 @@ def whitener(problem: Problem, error: Array) -> Whitener:
             sparse[first * every : (last - 1) * every + 1 : every] = -value / (last - first)
         filters[j] = np.convolve(sparse, band)
     return Whitener(filters, mask)
+
+
+LAGS = 60
+"""Lags of the sandwich's kernel [samples]."""
+LINE = 30.0
+"""Power of a spectral line over the median around it: white noise reaches that once in 1e5 spectra."""
+LINES = 6
+"""Lines sought per log."""
+
+
+def without_lines(problem: Problem, error: Array) -> Array:
+    """Errors (T, n) less their spectral lines, which noise does not have.
+
+    A long autoregression would otherwise imitate a periodic disturbance and call it noise. Where the motion itself is
+    one sine, its harmonics are left: they are the rounding's as well as the model's.
+    """
+    cleaned = error.copy()
+    for a, b in pairwise(problem.bounds):
+        window = slice(a + int(np.argmax(problem.used[a:b])), b)
+        for j in range(problem.joints):
+            waves = _lines(error[window, j], problem.reading[window, j])
+            if len(waves):
+                basis = np.concatenate([waves.real, waves.imag])
+                taper = np.hanning(waves.shape[1])  # against what leaks from slow parts of the error
+                cleaned[window, j] -= project(basis * taper, error[window, j] * taper)[0] @ basis
+    return cleaned
+
+
+def _lines(error: Array, reading: Array) -> NDArray[np.complex128]:
+    """Complex waves (lines, T) at the frequencies at which the spectrum of an error (T,) has a line."""
+    count = len(error)
+    taper = np.hanning(count)
+    power = np.abs(np.fft.rfft((error - error.mean()) * taper)) ** 2
+    around = median_filter(power, 41, mode="nearest")
+    strong = power > LINE * np.maximum(around, 1e-300)
+    strong[:12] = False
+    peaks = np.flatnonzero(strong[1:-1] & (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
+    moved = np.abs(np.fft.rfft((reading - reading.mean()) * taper)) ** 2
+    main = int(np.argmax(moved))
+    if main > 4 and moved[main - 2 : main + 3].sum() > 0.9 * moved.sum():
+        away = np.abs(peaks / main - np.round(peaks / main)) * main
+        peaks = peaks[away > 2.5]
+    peaks = peaks[np.argsort(power[peaks])[::-1][:LINES]]
+    left, centre, right = (np.sqrt(power[peaks + k]) for k in (-1, 0, 1))
+    # the main lobe of a Hann window tells the place between bins from its neighbours' amplitudes
+    shift = np.where(right > left, (2 * right - centre) / (right + centre), -(2 * left - centre) / (left + centre))
+    place = (peaks + shift)[:, None]
+    return np.exp(2j * np.pi * place * np.arange(count) / count)
 
 
 def _lagged(signal: Array, rows: np.ndarray, blocks: Sequence[tuple[int, int]], every: int) -> list[Array]:
@@ -194,11 +245,17 @@ class Fitted:
 
     @property
     def criterion(self) -> float:
-        """-2 log likelihood up to a constant: sum over joints of N ln(mean square innovation + floor)."""
+        """-2 log likelihood up to a constant: sum over joints of N ln(mean square innovation + floor).
+
+        What is known of parameters beforehand is part of it.
+        """
         if not self.credible:
             return np.inf
         count = self.samples // len(self.variances)
-        return float(count * np.sum(np.log(self.variances + self.floor)))
+        known = sum(
+            ((x - f.centre) / f.deviation) ** 2 for f, x in zip(self.point.free, self.point.vector, strict=True)
+        )
+        return float(count * np.sum(np.log(self.variances + self.floor)) + known)
 
     @property
     def total(self) -> float:
@@ -265,6 +322,8 @@ def fit(
     error = errors(problem, [point])[0]
     lower = np.array([f.lower for f in point.free])
     upper = np.array([f.upper for f in point.free])
+    centre = np.array([f.centre for f in point.free])
+    certainty = np.array([f.deviation for f in point.free]) ** -2.0
     damping, count = 1e-3, 0
     filter_ = filter_ or whitener(problem, error)
     gram = jacobian = innovation = np.zeros(0)
@@ -274,10 +333,11 @@ def fit(
         for _ in range(iterations):
             innovation = filter_(error)
             scale = weights(innovation, problem.joints)
-            base = float(np.sum((innovation * scale) ** 2))
+            away = point.vector - centre
+            base = float(np.sum((innovation * scale) ** 2) + away**2 @ certainty)
             jacobian = _jacobian(problem, point, error, filter_, known) * scale
-            gram = jacobian @ jacobian.T
-            gradient = jacobian @ (innovation * scale)
+            gram = jacobian @ jacobian.T + np.diag(certainty)
+            gradient = jacobian @ (innovation * scale) + certainty * away
             if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(gradient)) and np.max(np.diag(gram)) > 0.0):
                 break
             diagonal = np.maximum(np.diag(gram), 1e-30 * max(np.max(np.diag(gram)), 1e-300))
@@ -291,8 +351,10 @@ def fit(
                 trials.append((factor, point.at(vector)))
             outcomes = errors(problem, [trial for _, trial in trials])
             costs = [
-                float(np.sum((filter_(outcome) * scale) ** 2)) if problem.credible(outcome) else np.inf
-                for outcome in outcomes
+                float(np.sum((filter_(outcome) * scale) ** 2) + (trial.vector - centre) ** 2 @ certainty)
+                if problem.credible(outcome)
+                else np.inf
+                for outcome, (_, trial) in zip(outcomes, trials, strict=True)
             ]
             best = int(np.argmin(costs))
             if not costs[best] < base:
@@ -323,9 +385,12 @@ def finish(
     innovation = filter_(error)
     scale = weights(innovation, problem.joints)
     jacobian = _jacobian(problem, point, error, filter_, known) * scale
-    gram = jacobian @ jacobian.T
+    gram = jacobian @ jacobian.T + np.diag([f.deviation**-2.0 for f in point.free])
     diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    covariance = np.linalg.pinv(gram / np.outer(diagonal, diagonal), rcond=1e-14) / np.outer(diagonal, diagonal)
+    if np.all(np.isfinite(gram)):
+        covariance = np.linalg.pinv(gram / np.outer(diagonal, diagonal), rcond=1e-14) / np.outer(diagonal, diagonal)
+    else:  # a model that runs away determines nothing
+        jacobian, covariance = np.zeros_like(jacobian), np.diag(np.full(len(gram), np.inf))
     return Fitted(
         point,
         error,
@@ -345,6 +410,25 @@ def rounding_floor(problem: Problem, filter_: Whitener) -> Array:
     A joint that rests within one step of its encoder is predicted perfectly; such samples must not count as evidence.
     """
     return np.asarray(0.25 * problem.encoder_step**2 / 12.0 * np.sum(filter_.coefficients**2, axis=1))
+
+
+def covariance(fitted: Fitted) -> Array:
+    """Covariance (P, P) of the free parameters: inverse information, widened where the sandwich is wider.
+
+    With scores s_k = j_k e_k (Jacobian times innovation) the sandwich is ``C (sum_l w_l sum_k s_k s_{k+l}') C``,
+    Bartlett weights w over LAGS samples.
+    """
+    n = len(fitted.whitener.coefficients)
+    scores = fitted.jacobian * (fitted.innovation * weights(fitted.innovation, n))
+    length = scores.shape[1]
+    # Bartlett weights are a triangle, the autocorrelation of a box: running sums of LAGS scores give the same matrix
+    running = np.cumsum(np.pad(scores, ((0, 0), (LAGS, 0))), axis=1)
+    blocks = running[:, LAGS:] - running[:, :length]
+    meat = blocks @ blocks.T / LAGS
+    sandwich = fitted.covariance @ meat @ fitted.covariance
+    plain = np.diag(fitted.covariance)
+    wider = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(plain, 1e-300), 1.0))
+    return fitted.covariance * np.outer(wider, wider)
 
 
 def project(basis: Array, target: Array) -> tuple[Array, float]:

@@ -211,8 +211,13 @@ def waterfall(rows: Sequence[LedgerRow], gap: Gap, name: str) -> str:
         axes.axvspan(origin, floor, color="#009E73", alpha=0.18, lw=0, zorder=0)
         axes.axvline(floor, color="#009E73", lw=1.0, zorder=1)
         axes.annotate(
-            f"noise floor {number(floor)}", (floor, -0.55), (3, 1), textcoords="offset points",
-            color="#00694d", fontsize=7.5, va="bottom",
+            f"noise floor {number(floor)}",
+            (floor, -0.55),
+            (3, 1),
+            textcoords="offset points",
+            color="#00694d",
+            fontsize=7.5,
+            va="bottom",
         )
     if logarithmic:
         axes.set_xscale("log")

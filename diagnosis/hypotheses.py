@@ -17,7 +17,10 @@ from diagnosis.estimation import Fitted, Point, errors, project, weights
 from diagnosis.problem import Free, Problem, scales, smooth_derivatives
 from envs.log import Array
 from methods.effects.base import Effect, Scales
+from methods.kernel import NOMINAL
 
+RESTARTS = 5
+"""Starting values, each with another first parameter, of a hypothesis that is linear in none of its parameters."""
 PER_LOG = {"periodic_disturbance": (0, 1)}
 """Parameters that may differ from log to log: the phase of a disturbance has no reason to restart with a recording."""
 
@@ -37,12 +40,17 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A hypothesis with values (L, size) to begin from and the decrease of the criterion that they promise."""
+    """A hypothesis with values (L, size) to begin from and the decrease of the criterion that they promise.
+
+    others: further values, next best first, of an effect that is linear in none of its parameters; the first of them
+    differs from value to value.
+    """
 
     hypothesis: Hypothesis
     values: Array
     promise: float
     searched: int = 1
+    others: tuple[Array, ...] = ()
 
 
 def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array) -> Point:
@@ -87,15 +95,21 @@ def proposals(
                 (Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), len(every)) for v in every
             ]
         jobs += found
-    best: dict[str, Start] = {}
+    found_by_key: dict[str, list[Start]] = {}
     noise = weights(base.innovation, problem.joints)
     residual = base.innovation * noise
     for hypothesis, values, searched in jobs:
         start = _regress(problem, base, residual, noise, hypothesis, values, searched)
-        key = hypothesis.effect.name + f"@{hypothesis.joint}"
-        if key not in best or start.promise > best[key].promise:
-            best[key] = start
-    return sorted(best.values(), key=lambda s: -s.promise)
+        found_by_key.setdefault(f"{hypothesis.effect.name}@{hypothesis.joint}", []).append(start)
+    best = []
+    for group in found_by_key.values():
+        group.sort(key=lambda s: -s.promise)
+        distinct: dict[float, Array] = {}
+        if not group[0].hypothesis.effect.amplitudes:
+            for start in group:
+                distinct.setdefault(float(start.values[0, 0]), start.values)
+        best.append(replace(group[0], others=tuple(distinct.values())[1:RESTARTS]))
+    return sorted(best, key=lambda s: -s.promise)
 
 
 def _regress(
@@ -144,6 +158,24 @@ def _regress(
             factor, decrease = 0.02, 0.3 * decrease
         adjusted[rows, a] = begin * factor
     return Start(hypothesis, adjusted, gain(decrease), searched)
+
+
+def variants(problem: Problem, point: Point, start: Start) -> list[Point]:
+    """Where a hypothesis that is linear in none of its parameters may begin.
+
+    Where a share r of the inertia hangs behind a spring or a play, the nominal model has often found the share before
+    it only: the whole is then 1 / (1 - r) times as much.
+    """
+    effect, j = start.hypothesis.effect, start.hypothesis.joint
+    found = []
+    for values in (start.values, *start.others):
+        plain = extend(problem, point, start.hypothesis, values)
+        found.append(plain)
+        if "inertia_ratio" in (names := [p.name for p in effect.parameters]):
+            heavier = extend(problem, point, start.hypothesis, values)
+            heavier.parameters[:, j, NOMINAL.index("inertia")] /= 1.0 - values[0, names.index("inertia_ratio")]
+            found.append(heavier)
+    return found
 
 
 # ---------------------------------------------------------------------------------------------------------------- scans

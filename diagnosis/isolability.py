@@ -60,7 +60,7 @@ def isolability(
     base = on_stretch(part, finding.final)
     command = float(np.sqrt(np.mean(part.command[part.used, j] ** 2)))
     named = {item.name for item in finding.accepted if item.joint == j}
-    candidates = [effect for effect in effects if effect.name not in named]
+    candidates = [effect for effect in effects if effect.name not in named and not effect.after]
     found = responses(part, base, candidates, j)
     count = finding.final.samples
     rows: list[Isolability] = []

@@ -59,7 +59,7 @@ def steps(problem: Problem, held_out: Problem, finding: Finding, given: Point | 
         titles.append(("nominal as given", "as given", None, given))
     titles.append(("refit nominal parameters", "nominal", None, fits[0].point))
     for item, fitted in zip(finding.accepted, fits[1:], strict=True):
-        titles.append((f"+ {item.name}", "effect", item.joint, fitted.point))
+        titles.append((f"+ {item.label}", "effect", item.joint, fitted.point))
     found = []
     for title, role, joint, point in titles:
         moved = with_phases(held_out, transfer(held_out, point), whiten)

@@ -99,10 +99,11 @@ def export(model: StructuredModel, units: Sequence[float | None], names: Sequenc
         actuator = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
         built.append(_Joint(spec, part, name, unit, inertia, step, body, joint, actuator))
     missing = []
+    labels = {effect.name: effect.label for effect in model.kernel.effects}
     for item in built:
         _drive(item)
         for effect, values in item.part.effects.items():
-            if not _ELEMENTS.get(effect, _lacks)(item, values):
+            if not _ELEMENTS.get(labels[effect], _lacks)(item, values):
                 missing.append((item.part.joint, effect))
         if item.part.compensator is not None:
             missing.append((item.part.joint, COMPENSATOR))
@@ -282,14 +283,15 @@ def _tilt(item: _Joint, p: Values) -> bool:
 def _cogging(item: _Joint, p: Values) -> bool:
     amplitude = item.torque(math.hypot(p["sine"], p["cosine"]))
     phase = math.atan2(p["cosine"], p["sine"]) + math.pi
-    passive = item.spec.add_actuator(name=f"{item.name}_cogging", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=item.name)
+    name = f"{item.name}_cogging_{len(item.spec.actuators)}"
+    passive = item.spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=item.name)
     cogging = [amplitude, p["cycles_per_rev"], phase]
     passive.set_to_dcmotor(motorconst=[0.0, 0.0], resistance=1.0, cogging=cogging, ctrlspec=_PASSIVE)
     return True
 
 
 def _heat(item: _Joint, p: Values) -> bool:
-    if item.resistance == 0.0:
+    if item.resistance == 0.0 or p["resistance_rise"] <= 0.0:
         return False
     rise, square = p["resistance_rise"], item.part.nominal["torque_square_mean"] / item.resistance**2
     thermal = rise / (1.0 + rise) / (COPPER * item.resistance * square)

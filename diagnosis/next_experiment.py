@@ -86,6 +86,9 @@ def _sharpest(
     gains = []
     for _, part, ratio in found:
         own = on_experiment(part, final)
+        if not np.all(np.isfinite(own.covariance)):
+            gains.append(0.0)
+            continue
         places = [[f.name for f in own.point.free].index(free[i].name) for i in kept]
         more = np.linalg.pinv(own.covariance[np.ix_(places, places)]) * ratio
         after = np.linalg.pinv(np.linalg.pinv(spread) + more)[weakest, weakest]

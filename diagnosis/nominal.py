@@ -9,11 +9,16 @@ import numpy as np
 
 from diagnosis.estimation import Fitted, Point, fit
 from diagnosis.pair_start import PairStart, pair_start
-from diagnosis.problem import Free, Problem, smooth_derivatives
+from diagnosis.problem import Free, Problem, Stamps, evenly, smooth_derivatives, start_window
 from envs.log import Array, InputKind
 from methods.kernel import NOMINAL
 
 COLUMN = {name: index for index, name in enumerate(NOMINAL)}
+
+EVEN = 20.0
+"""Least decrease of -2 log likelihood for which stamps are put aside."""
+TOLERANCE = 0.5
+"""Share by which a winding's stated time constant may be wrong (one standard deviation)."""
 
 
 @dataclass(frozen=True)
@@ -84,10 +89,20 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
         free.append(Free(f"{main}@{j}", "joint", j, COLUMN[main], damping))
         if electrical[j]:
             begin = structure.electrical_time_constant or 3e-3
-            least = 0.5 * problem.sample_time / problem.substeps
-            parameters[:, j, COLUMN["electrical_time_constant"]] = max(begin, least)
+            parameters[:, j, COLUMN["electrical_time_constant"]] = begin
+            known = structure.electrical_time_constant
             free.append(
-                Free(f"electrical_time_constant@{j}", "joint", j, COLUMN["electrical_time_constant"], begin, least, 1.0)
+                Free(
+                    f"electrical_time_constant@{j}",
+                    "joint",
+                    j,
+                    COLUMN["electrical_time_constant"],
+                    begin,
+                    0.0,
+                    1.0,
+                    centre=begin,
+                    deviation=np.inf if known is None else TOLERANCE * known,
+                )
             )
         if structure.gravity == "pendulum":
             size = drive
@@ -99,7 +114,10 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
             free.append(Free(f"load@{j}", "joint", j, COLUMN["load"], drive))
         for log in range(problem.logs):
             fastest = max(float(np.max(np.abs(motion[log][1][:, j]))), 1e-9)
-            free.append(Free(f"velocity@{j}#{log}", "start", j, 1, fastest, -2.0 * fastest, 2.0 * fastest, log))
+            # a cubic fitted to rounded readings, and what a cubic misses
+            deviation = 5.0 * problem.encoder_step / start_window(problem.sample_time) + 0.05 * fastest
+            begin = float(problem.starts[log, j, 1])
+            free.append(Free(f"velocity@{j}#{log}", "start", j, 1, fastest, log=log, centre=begin, deviation=deviation))
     if problem.pair:
         _start_pair(parameters, rigid, free, pair, structures)
     switches = np.zeros((n, len(problem.kernel.effects)), dtype=bool)
@@ -129,6 +147,21 @@ def _start_pair(
     free.append(Free("shared_inertia", "rigid", 0, 2, start.shared, 1e-3 * start.shared))
 
 
+def settle_stamps(
+    problem: Problem, held_out: Problem, structures: tuple[JointStructure, ...]
+) -> tuple[Problem, Problem]:
+    """Even stamps in place of jittering ones where the nominal model says that the readings were taken evenly."""
+    regular = evenly(problem)
+    if regular is None:
+        return problem, held_out
+    even, error = regular
+    decrease = fit_nominal(problem, structures).criterion - fit_nominal(even, structures).criterion
+    if decrease < EVEN:
+        return problem, held_out
+    other = evenly(held_out)
+    return replace(even, stamps=Stamps(error, decrease)), held_out if other is None else other[0]
+
+
 def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
     """Fit of the nominal model. A drive's stated torque limit takes part only where the logs show that it acts."""
     free_running = tuple(replace(s, torque_limit=0.0) for s in structures)
@@ -143,17 +176,6 @@ def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fit
 
 
 def _fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
-    """Fit of the nominal model; the winding's lag takes part only where the logs show it."""
-    wanted = tuple(s.input == "voltage" and s.electrical for s in structures)
-    best = fit(problem, point_at(problem, structures, wanted), rounds=3, iterations=12)
-    for j, is_wanted in enumerate(wanted):
-        if not is_wanted:
-            continue
-        lag = next(f for f in best.point.free if f.name == f"electrical_time_constant@{j}")
-        value = best.point.value(lag.name)
-        if value <= 1.01 * lag.lower:
-            static = tuple(w and i != j for i, w in enumerate(wanted))
-            other = fit(problem, point_at(problem, structures, static), rounds=3, iterations=12)
-            if other.criterion < best.criterion + np.log(best.samples):
-                best, wanted = other, static
-    return best
+    """Fit of the nominal model; the winding's lag takes part in every voltage drive that has one."""
+    electrical = tuple(s.input == "voltage" and s.electrical for s in structures)
+    return fit(problem, point_at(problem, structures, electrical), rounds=3, iterations=12)

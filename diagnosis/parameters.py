@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.engine import Accepted
-from diagnosis.estimation import Fitted, weights
+from diagnosis.estimation import Fitted
 from diagnosis.problem import Problem
 from diagnosis.result import Estimate, NominalParameter, ParameterEstimate
 from envs.log import COMMAND_UNIT, Array, InputKind
@@ -26,8 +26,6 @@ from methods.kernel import NOMINAL
 Values = Mapping[str, float]
 INERTIA = "joint inertia"
 """Name under which a change of variables finds the joint's own inertia, besides the effect's parameters."""
-LAGS = 60
-"""Lags of the sandwich's kernel [samples]."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +121,7 @@ CANONICAL: dict[str, Canonical] = {
 def canonical(effect: Effect) -> Canonical:
     """The change of variables of an effect; the identity unless `CANONICAL` holds another."""
     own = Canonical({p.name: p.dimension for p in effect.parameters}, lambda p: p)
-    return CANONICAL.get(effect.name, own)
+    return CANONICAL.get(effect.label, own)
 
 
 def units(dimension: str, joint: JointUnits) -> tuple[str, str, float | None]:
@@ -151,25 +149,6 @@ def units(dimension: str, joint: JointUnits) -> tuple[str, str, float | None]:
     }
     physical, own, factor = table[dimension]
     return (own, own, None) if factor is None else (physical, own, factor)
-
-
-def covariance(fitted: Fitted) -> Array:
-    """Covariance (P, P) of the free parameters: inverse information, widened where the sandwich is wider.
-
-    With scores s_k = j_k e_k (Jacobian times innovation) the sandwich is ``C (sum_l w_l sum_k s_k s_{k+l}') C``,
-    Bartlett weights w over LAGS samples.
-    """
-    n = len(fitted.whitener.coefficients)
-    scores = fitted.jacobian * (fitted.innovation * weights(fitted.innovation, n))
-    length = scores.shape[1]
-    # Bartlett weights are a triangle, the autocorrelation of a box: running sums of LAGS scores give the same matrix
-    running = np.cumsum(np.pad(scores, ((0, 0), (LAGS, 0))), axis=1)
-    blocks = running[:, LAGS:] - running[:, :length]
-    meat = blocks @ blocks.T / LAGS
-    sandwich = fitted.covariance @ meat @ fitted.covariance
-    plain = np.diag(fitted.covariance)
-    wider = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(plain, 1e-300), 1.0))
-    return fitted.covariance * np.outer(wider, wider)
 
 
 def effect_parameters(

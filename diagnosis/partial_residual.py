@@ -90,7 +90,7 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
     name = "velocity" if effect.variable == "direction" else effect.variable
     x, unit = _signal(problem, final.point, joint, name, units)
     frame = PartialResidual(
-        effect=effect.name,
+        effect=effect.label,
         kind=kind,
         signal=name if unit != "s" else "elapsed time",
         signal_unit=unit,

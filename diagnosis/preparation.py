@@ -108,6 +108,8 @@ def moving_joints(logs: Sequence[Log], wanted: int | None, findings: list[str]) 
     chosen = []
     for joint in first.joints if wanted is None else (wanted,):
         still = [log.name for log in logs if not moves(log, joint)]
+        if len(still) < len(logs):  # what others drive moves too, and tells of the coupling
+            still = [log.name for log in logs if not driven(log, joint)]
         if not still:
             chosen.append(joint)
         else:
@@ -119,6 +121,14 @@ def moving_joints(logs: Sequence[Log], wanted: int | None, findings: list[str]) 
             source=first.source,
         )
     return tuple(chosen)
+
+
+def driven(log: Log, joint: int) -> bool:
+    """True when a joint moves and it or another joint of the log is commanded."""
+    column = log.index(joint)
+    step = log.facts[column].encoder_step or 0.0
+    commanded = bool(np.any(np.ptp(log.command, axis=0) > 0.0))
+    return commanded and bool(np.ptp(log.position[:, column]) > max(STILL * step, 1e-9))
 
 
 def moves(log: Log, joint: int) -> bool:

@@ -29,6 +29,7 @@ class Free:
 
     kind: ``joint`` (a column of the parameter array, for all logs), ``log`` (the same for one log only), ``start``
     (initial state: 0 angle, 1 velocity, 2 motor torque; of one log), ``rigid`` (coupling parameters of a pair).
+    deviation: standard deviation around `centre` that is known beforehand (infinite: nothing is known).
     """
 
     name: str
@@ -39,6 +40,16 @@ class Free:
     lower: float = -np.inf
     upper: float = np.inf
     log: int = -1
+    centre: float = 0.0
+    deviation: float = np.inf
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """Time stamps that were replaced by even ones: rms of their error [s], decrease of -2 log likelihood by that."""
+
+    error: float
+    decrease: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +58,7 @@ class Problem:
 
     leak [rad/s] pulls the predicted angle towards the measured one, rate_leak [1/s^2] the velocity; burn_in [s] is what
     is discarded at the beginning of every log while initial errors of the angle decay. decimation: the errors are
-    compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band).
+    compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band). stamps: see `Stamps`.
     """
 
     kernel: Kernel
@@ -66,6 +77,7 @@ class Problem:
     revolute: bool
     names: tuple[str, ...] = ()
     decimation: int = 1
+    stamps: Stamps | None = None
     starts: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     @property
@@ -171,6 +183,41 @@ class Problem:
         return np.nan_to_num(found, copy=False)
 
 
+def evenly(problem: Problem) -> tuple[Problem, float] | None:
+    """The same readings at even instants, and the rms [s] by which the stamps miss them; None where they do not.
+
+    Whether the clock or the sampling jitters cannot be seen in the stamps: a fit has to decide. Gaps are left alone.
+    """
+    time, error = problem.time.copy(), 0.0
+    for a, b in pairwise(problem.bounds):
+        count = np.arange(b - a)
+        step, begin = np.polyfit(count, problem.time[a:b], 1)
+        even = begin + step * count
+        if np.max(np.abs(problem.time[a:b] - even)) > 1.5 * step:
+            return None
+        time[a:b] = even
+        error += float(np.sum((problem.time[a:b] - even) ** 2))
+    error = float(np.sqrt(error / len(time)))
+    return None if error < 0.01 * problem.sample_time else (replace(problem, time=time), error)
+
+
+def beginning(problem: Problem, samples: int) -> Problem:
+    """The first part of every log, about so many samples together."""
+    if len(problem.time) <= 1.2 * samples:
+        return problem
+    share = samples / len(problem.time)
+    spans = [(a, a + max(int(share * (b - a)), min(b - a, 400))) for a, b in pairwise(problem.bounds)]
+    rows = np.concatenate([np.arange(a, b) for a, b in spans])
+    return replace(
+        problem,
+        time=problem.time[rows],
+        command=problem.command[rows],
+        reading=problem.reading[rows],
+        neighbour=problem.neighbour[rows] if len(problem.neighbour) else problem.neighbour,
+        bounds=np.cumsum([0, *(b - a for a, b in spans)]),
+    )
+
+
 def excitation_band(problem: Problem) -> float:
     """Frequency [Hz] below which 95 % of the power of the measured velocities lies, the largest over joints."""
     found = 0.0
@@ -192,6 +239,11 @@ def in_band(problem: Problem) -> Problem:
     nyquist = 0.5 / problem.sample_time
     wanted = max(5.0 * excitation_band(problem), 2.0)
     return replace(problem, decimation=max(1, int(0.8 * nyquist / wanted)))
+
+
+def start_window(sample_time: float) -> float:
+    """Length [s] of the stretch from which the velocity at the beginning of a log is read."""
+    return max(0.03, 8 * sample_time)
 
 
 def smooth_derivatives(time: Array, reading: Array, seconds: float) -> tuple[Array, Array, Array]:
@@ -245,7 +297,7 @@ def stack(
         commands.append(log.command[:, columns])
         readings.append(log.position[:, columns])
         dt = log.sample_time
-        smooth = smooth_derivatives(log.time, log.position, max(0.03, 8 * dt))
+        smooth = smooth_derivatives(log.time, log.position, start_window(dt))
         beginning = np.zeros((len(joints), 3))
         beginning[:, 0] = log.position[0, columns]
         beginning[:, 1] = smooth[1][0, columns]

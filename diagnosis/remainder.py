@@ -13,7 +13,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from diagnosis.estimation import Fitted, errors, project, weights
-from diagnosis.problem import Problem
+from diagnosis.hypotheses import adjoint
+from diagnosis.problem import Problem, excitation_band
 from envs.log import Array
 
 
@@ -30,13 +31,18 @@ class Dependence:
 @dataclass(frozen=True)
 class Remainder:
     """Dependences in order of strength, the decrease that all groups together would bring, and the rms of the torque
-    that
-    they stand for as a share of the command's rms."""
+    that they stand for as a share of the command's rms.
+
+    disturbance: rms of the torque that no logged signal accounts for, in units of the command; disturbance_share: the
+    same over the rms of the motor torque.
+    """
 
     dependences: tuple[Dependence, ...]
     decrease: float
     functions: int
     share: float
+    disturbance: float
+    disturbance_share: float
 
     @property
     def excess(self) -> float:
@@ -128,7 +134,31 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         float(gain(every) - base),
         sum(len(r) for r in responses.values()),
         _share(problem, fitted, joint, groups, every, residual, size),
+        *disturbance(problem, fitted, joint),
     )
+
+
+def disturbance(problem: Problem, fitted: Fitted, joint: int) -> tuple[float, float]:
+    """Rms of the unlogged torque that drives the joint in its band of motion, and the same over the motor torque's.
+
+    With S the spectrum of the prediction errors, S_0 what white noise of the sensor makes of it behind the leak l
+    (``S_0 ~ w^2 / (w^2 + l^2)``, its level read off the upper half of the band) and H the response of the error to a
+    torque, the spectrum of that torque is ``(S - S_0) / |H|^2``.
+    """
+    tool, dt = adjoint(problem, fitted, joint), problem.sample_time
+    count = 1 << 15
+    frequency = np.fft.rfftfreq(count, dt)
+    filter_power = np.abs(np.fft.rfft(fitted.whitener.coefficients[joint], count)) ** 2
+    variance = float(fitted.variances[joint])
+    spectrum = variance / np.maximum(filter_power, 1e-300)
+    angular = 2 * np.pi * frequency
+    sensor = float(np.quantile(spectrum[frequency > 0.25 / dt], 0.2)) * angular**2 / (angular**2 + problem.leak**2)
+    torque = variance / np.maximum(tool.power(angular, dt), 1e-300) * np.clip(1.0 - sensor / spectrum, 0.0, 1.0)
+    band = frequency < max(excitation_band(problem), 2.0 / (problem.time[problem.bounds[1] - 1] - problem.time[0]))
+    size = float(np.sqrt(2.0 * np.sum(torque[band]) / count))
+    point = fitted.point
+    motor = problem.motion(point.parameters, point.switches, point.rigid, point.starts)[problem.used, joint, 2]
+    return size, size / max(float(np.sqrt(np.mean(motor**2))), 1e-300)
 
 
 def _share(

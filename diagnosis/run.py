@@ -18,14 +18,14 @@ from scipy.signal import welch
 
 from diagnosis.compensator import compensators
 from diagnosis.engine import Accepted, Finding, Settings, Verdict, find
-from diagnosis.estimation import Point
+from diagnosis.estimation import Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
 from diagnosis.isolability import isolability
 from diagnosis.ledger import WINDOW, Step, floor_of, gap, given_point, rows, steps
 from diagnosis.next_experiment import Range, next_experiment
-from diagnosis.nominal import JointStructure
+from diagnosis.nominal import JointStructure, settle_stamps
 from diagnosis.output import to_json
-from diagnosis.parameters import JointUnits, covariance, effect_parameters, joint_units, nominal_parameters
+from diagnosis.parameters import JointUnits, effect_parameters, joint_units, nominal_parameters
 from diagnosis.partial_residual import partial_residuals
 from diagnosis.preparation import (
     Recordings,
@@ -248,6 +248,7 @@ def solve(
     structures = tuple(structure(first, number, read.robot) for number in group)
     problem = stack(kernel, read.fitted, group, pair=len(group) > 1)
     held_out = stack(kernel, read.held_out, group, pair=len(group) > 1)
+    problem, held_out = settle_stamps(problem, held_out, structures)
     units = tuple(
         joint_units(
             structures[j].input,
@@ -319,7 +320,7 @@ def named_effect(solved: Solved, item: Accepted, spread: Array, joint: int, unit
     hypothesis = item.scored.start.hypothesis
     effect = hypothesis.effect
     return NamedEffect(
-        name=effect.name,
+        name=effect.label,
         joint=joint,
         stage=effect.stage,
         equation=effect.equation,
@@ -327,7 +328,7 @@ def named_effect(solved: Solved, item: Accepted, spread: Array, joint: int, unit
         parameters=effect_parameters(solved.problem, solved.finding.final, spread, item, units),
         evidence=evidence(item.scored, item.material),
         alternatives=tuple(
-            Alternative(other.name, solved.joints[other.start.hypothesis.joint], evidence(other))
+            Alternative(other.label, solved.joints[other.start.hypothesis.joint], evidence(other))
             for other in item.rivals
         ),
         only_in=solved.problem.names[hypothesis.log] if hypothesis.log >= 0 and solved.problem.logs > 1 else None,

@@ -23,6 +23,8 @@ STEPS = 200.0
 BACKWARDS = -0.2
 #: A joint whose ends lie further apart than this share of its path may have been lowered or lifted.
 RETURNED = 0.3
+#: Share of the command's variance that a negative inertia has to explain before a sign is called wrong.
+CONSISTENT = 0.5
 
 
 @dataclass(frozen=True)
@@ -92,14 +94,20 @@ def works_backwards(log: Log) -> bool:
     """Whether all commands together take energy out of joints that return to where they were.
 
     Friction only ever takes energy, so over a recording the motors have to bring it. A single joint of several may
-    brake what the others drive; all of them together may not.
+    brake what the others drive; all of them together may not. A voltage leads its torque, and with a lag its product
+    with the velocity can be negative in a sound recording: the inertias have to come out negative as well.
     """
-    total, magnitude = 0.0, 0.0
+    found = moved(log)
     for column in range(len(log.joints)):
-        q, u = log.position[:, column], log.command[:, column]
+        q = log.position[:, column]
         if abs(q[-1] - q[0]) > RETURNED * float(np.sum(np.abs(np.diff(q)))):
             return False
-        power = 0.5 * (u[1:] + u[:-1]) * np.diff(q)
-        total += float(np.sum(power))
-        magnitude += float(np.sum(np.abs(power)))
-    return len(log) >= 200 and magnitude > 0.0 and total < BACKWARDS * magnitude
+    backwards = [
+        physics.work < BACKWARDS
+        and physics.inertia is not None
+        and physics.inertia < 0.0
+        and physics.explained > CONSISTENT
+        for physics in found.values()
+    ]
+    return bool(backwards) and all(backwards)
+

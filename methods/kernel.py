@@ -19,6 +19,9 @@ where M22 exceeds p2 by a rotor that turns with joint 2 alone.
 
 `torque_limit` (0: none) is the drive's known current limit; it clamps w where it acts on the arm.
 
+A winding lag that is too short for the steps (half of one) acts as a delay of the command, which is the same to
+second order.
+
 Integration: fourth-order Runge-Kutta with the command averaged exactly over each step (hold and delay included); dry
 friction is handled by events (a joint stops inside a step, rests while the other forces stay below the friction level,
 and breaks away), bristles and the low-pass of the amplifier by their exact exponential solution.
@@ -356,14 +359,24 @@ def _rates_stage(t, span, S, slope, B, D, c, xs, sign, stuck, n, P, on, has, pai
 
 @njit(cache=True, inline='always', error_model='numpy')
 def _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on):
-    """Mean of the held, delayed command over substep i of sample k."""
-    shift = 0.0
+    """Mean of the held, delayed command over substep i of sample k; a lag below zero stands for a delay."""
+    shift = max(-p[ELECTRICAL], 0.0) / dt
     if DELAY >= 0 and on[DELAY]:
-        shift = p[DELAY_P] / dt
+        shift += p[DELAY_P] / dt
     if shift == 0.0 and hold == 0:
         return u[k]
     a = k + i / substeps - shift
     return (_held(cumulative, u, hold, a + 1.0 / substeps) - _held(cumulative, u, hold, a)) * substeps
+
+
+@njit(cache=True, error_model='numpy')
+def _resolved(P, h):
+    """Parameters (n, columns) in which a winding lag too short for steps of h acts as a delay: its sign is turned."""
+    Q = P.copy()
+    for j in range(Q.shape[0]):
+        if Q[j, ELECTRICAL] < 0.5 * h:
+            Q[j, ELECTRICAL] = -Q[j, ELECTRICAL]
+    return Q
 
 
 @njit(cache=True, inline='always', error_model='numpy')
@@ -430,6 +443,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
         substeps, out, motion):
     """Samples first..last-1 of a log from the states S (n, 7) and deflections z (n,), which end up at sample last."""
     T, n = u.shape
+    P = _resolved(P, (t[1] - t[0]) / substeps)
     D1 = np.zeros((n, 7)); D2 = np.zeros((n, 7)); D3 = np.zeros((n, 7)); D4 = np.zeros((n, 7))
     B = np.zeros((n, 7))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
@@ -561,6 +575,7 @@ def _rates_one(t, q, dq, w, heat, ql, dql, u, x, sign, stuck, p, on, has, load):
 def run_one(t, u, cumulative, hold, y, x, extra_in, start, p, on, leak, rate_leak, substeps, out):
     """`run` for a single joint with its states in registers. u, y (T,); x (T, 3) or (0, 3); out (T,)."""
     T = u.shape[0]
+    p = _resolved(p.reshape((1, -1)), (t[1] - t[0]) / substeps)[0]
     has = np.zeros(4, dtype=np.bool_)
     _present(on, has)
     q, dq, w, lag, heat, ql, dql, z = start[0], start[1], start[2], u[0], 0.0, start[0], start[1], 0.0

@@ -14,12 +14,12 @@ from scipy.signal import lfilter
 
 import adeptone
 from diagnosis.engine import Settings
-from diagnosis.estimation import errors, fit
+from diagnosis.estimation import covariance, errors, fit
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.ledger import closed
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.output import to_json
-from diagnosis.parameters import canonical, covariance
+from diagnosis.parameters import canonical
 from diagnosis.preparation import (
     DiagnosisError,
     Recordings,
@@ -42,7 +42,7 @@ from envs.plant.plant import record
 from methods.base import State
 from methods.effects import built_in
 from methods.kernel import build
-from methods.structured import StructuredJoint, StructuredModel
+from methods.structured import PlanarCoupling, StructuredJoint, StructuredModel
 from methods.two_layer_network import TWO_SIGNALS, TwoLayerNetwork
 
 DT = 2e-3
@@ -211,7 +211,7 @@ def test_held_joints_are_skipped_and_said() -> None:
 def test_planar_pair_is_recognised_in_the_logs() -> None:
     second = StructuredJoint(2, "voltage", {"inertia": 0.02, "viscous": 0.01, "back_emf": 0.4}, {})
     first = StructuredJoint(1, "voltage", {**NOMINAL, "electrical_time_constant": 0.0}, {})
-    pair = recorded(StructuredModel((first, second), DT, (0.025, 1.2)), 1)
+    pair = recorded(StructuredModel((first, second), DT, PlanarCoupling(0.025, 1.2, second.nominal["inertia"] / 1.2)), 1)
     apart = recorded(StructuredModel((first, second), DT), 1)
     assert is_planar_pair(pair, 1, 2)
     assert not is_planar_pair(apart, 1, 2)
@@ -383,7 +383,7 @@ def test_mujoco_follows_a_planar_pair() -> None:
 
     second = StructuredJoint(2, "voltage", {"inertia": 0.03, "viscous": 0.02, "back_emf": 0.3}, {})
     first = StructuredJoint(1, "voltage", {"inertia": 0.04, "viscous": 0.02, "back_emf": 0.7}, {})
-    pair = StructuredModel((first, second), DT, (0.01, 1.5))
+    pair = StructuredModel((first, second), DT, PlanarCoupling(0.01, 1.5, second.nominal["inertia"] / 1.5))
     _, command = excitation(1000)
     exported = export(pair, [0.008, None], ["a", "b"])
     assert np.max(reproduction(pair, exported, ["a", "b"], np.hstack([command, -0.5 * command]))) < 1e-5

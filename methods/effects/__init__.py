@@ -18,7 +18,8 @@ GROUP = "adeptone.effects"
 def built_in() -> tuple[Effect, ...]:
     """The effects of this folder in the order of the signal chain, then by name."""
     names = [module.name for module in pkgutil.iter_modules(__path__) if module.name != "base"]
-    return _ordered(importlib.import_module(f"{__name__}.{name}").EFFECT for name in names)
+    modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
+    return _ordered(effect for module in modules for effect in getattr(module, "EFFECTS", (module.EFFECT,)))
 
 
 def vocabulary(plugins: Sequence[Path] = ()) -> tuple[Effect, ...]:

@@ -22,4 +22,5 @@ EFFECT = Effect(
             "it stands in series with the winding's lag, and the two time constants may change places",
         ),
     ),
+    exchanges="electrical_time_constant",
 )

@@ -24,8 +24,8 @@ in the order of the declaration, ``x`` = (acceleration, velocity, command) of th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
 from typing import Literal
 
 Stage = Literal["amplifier", "motor", "transmission", "arm", "sensor"]
@@ -97,7 +97,10 @@ class Effect:
     scan: how candidate shapes that no short grid can cover are found: ``time`` (frequency of a disturbance),
         ``position`` (cycles per revolution), ``event`` (instants), or None.
     variable: the signal against which the effect shows itself in a plot.
-    includes: names of effects that this one contains as a special case. substeps: integration steps per sample.
+    includes: names of effects that this one contains as a special case. exchanges: nominal parameter that can stand in
+        for the first parameter, or nothing. substeps: integration steps per sample.
+    kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
+        `kind` is the name they share, `after` the instance that has to be there first.
     expected_failures: conformance checks (`diagnosis.effect_checks`) that it fails by its nature, each with the reason.
     """
 
@@ -114,11 +117,26 @@ class Effect:
     scan: Literal["time", "position", "event"] | None = None
     substeps: int = 1
     includes: tuple[str, ...] = ()
+    exchanges: str = ""
+    after: str = ""
+    kind: str = ""
     expected_failures: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The standard name, whichever instance it is."""
+        return self.kind or self.name
 
     @property
     def size(self) -> int:
         return len(self.parameters)
+
+
+def instances(effect: Effect, count: int) -> tuple[Effect, ...]:
+    """An effect that may occur up to `count` times, as effects of their own."""
+    names = [effect.name, *(f"{effect.name}_{number}" for number in range(2, count + 1))]
+    further = (replace(effect, name=name, after=before, kind=effect.name) for before, name in pairwise(names))
+    return (effect, *further)
 
 
 def grid(*axes: Iterable[float]) -> list[tuple[float, ...]]:

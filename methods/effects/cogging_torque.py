@@ -5,7 +5,7 @@ Source: D. Hanselman, Brushless Permanent Magnet Motor Design, section 4.
 
 import math
 
-from methods.effects.base import Effect, EffectParameter
+from methods.effects.base import Effect, EffectParameter, instances
 
 
 def torque(t, q, dq, w, x, p):
@@ -31,3 +31,8 @@ EFFECT = Effect(
     function=torque,
     scan="position",
 )
+
+HARMONICS = 6
+"""A motor's cogging has several harmonics; each is an instance of its own."""
+
+EFFECTS = instances(EFFECT, HARMONICS)

@@ -16,4 +16,5 @@ EFFECT = Effect(
     variable="elapsed time",
     source="Astrom and Wittenmark",
     starts=lambda s: [(0.5 * s.sample_time,), (3.0 * s.sample_time,), (10.0 * s.sample_time,)],
+    exchanges="electrical_time_constant",
 )

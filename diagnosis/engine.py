@@ -35,7 +35,7 @@ class Settings:
     doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`.
     disturbance: unlogged torque, as a share of the motor torque, that does so too. relevant: torque of what stays
     unexplained, as a share of the command's rms, below which it is put down to integrators and inexact laws; a further
-    effect needs half of that.
+    effect needs half of that. inexact: share of what was explained above which no such excuse holds.
     """
 
     threshold: float = 12.0
@@ -48,6 +48,7 @@ class Settings:
     unexplained: float = 0.03
     disturbance: float = 0.03
     relevant: float = 0.008
+    inexact: float = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +135,8 @@ def _find(
 ) -> Finding:
     whole = select(problem, structures, effects, settings, tell)
     if whole.verdict in ("none", "named"):
-        return with_jitter(problem, whole, effects, settings)
+        still = sum(r.excess for r in whole.remainders) == 0.0
+        return with_jitter(problem, whole, effects, settings) if still else whole
     depends = (
         sum(r.excess for r in whole.remainders) > 0.0 or distinct(whole.accepted) > settings.credible * problem.joints
     )
@@ -170,7 +172,9 @@ def select(
         if accepted:
             complete = is_complete(problem, nominal, base)
             needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
-        ranked = try_all(problem, base, hypotheses_of(effects, problem.joints, present), needed=needed)
+        ranked = try_all(
+            problem, base, hypotheses_of(effects, problem.joints, present), needed=needed, restarts=len(accepted) < 2
+        )
         chosen = choose(problem, ranked, settings, explained, first=not accepted)
         if chosen is None:
             refused = ranking(ranked)
@@ -346,7 +350,7 @@ def swap(
             kept = {(other.name, other.joint) for other in others}
             every = hypotheses_of(effects, problem.joints, kept)
             candidates = [(e, j) for e, j in every if (e.name, j) != (item.name, item.joint)]
-            ranked = try_all(problem, smaller, candidates, refine=4, finals=1)
+            ranked = try_all(problem, smaller, candidates, refine=4, finals=1, restarts=False)
             if not ranked:
                 continue
             found = ranked[0]
@@ -426,7 +430,8 @@ def verdict(
     """none, named, ambiguous or unknown."""
     explained = nominal.criterion - final.criterion
     excess = sum(r.excess for r in left)
-    if excess > max(settings.unexplained * explained, 20.0) and max(r.share for r in left) > settings.relevant:
+    relevant = max(r.share for r in left) > settings.relevant or excess > settings.inexact * explained
+    if excess > max(settings.unexplained * explained, 20.0) and relevant:
         return "unknown"
     if (
         distinct(accepted) > settings.credible * len(left)

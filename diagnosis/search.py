@@ -25,7 +25,7 @@ STILL = 0.01
 """Unlogged torque, as a share of the motor's, that is put down to noise of the amplifier."""
 CARRIED = 2
 """Fits in the narrow band that are carried on in the whole band."""
-SCREENED = 20_000
+SCREENED = 15_000
 """Samples on which starting values are compared."""
 
 
@@ -82,10 +82,12 @@ def try_all(
     refine: int = 7,
     finals: int = 3,
     needed: float = -np.inf,
+    restarts: bool = True,
 ) -> list[Scored]:
     """Every hypothesis on top of a base model, best first; only the promising ones are refined.
 
-    `needed`: linear prediction of the evidence below which a hypothesis is not refined.
+    `needed`: linear prediction of the evidence below which a hypothesis is not refined. `restarts`: whether the effects
+    that are linear in none of their parameters take part, which need many fits.
     """
     base = _with_reference(problem, base)
     linear = [(effect, j) for effect, j in effects if effect.amplitudes or effect.starts is None]
@@ -103,7 +105,7 @@ def try_all(
     ranked = _converged(problem, base, rough, finals)
     best = ranked[0].fitted if ranked and ranked[0].evidence > 0.0 else base
     rest = [item for item in effects if item not in linear]
-    if not rest or leaves_nothing(problem, best):
+    if not rest or not restarts or leaves_nothing(problem, best):
         return ranked
     further = [
         Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples))
@@ -160,7 +162,7 @@ def nonlinear(problem: Problem, base: Fitted, candidates: Sequence[tuple[Effect,
         whole = [
             fit(problem, fitted.point, rounds=2, iterations=5)
             for fitted in first[:CARRIED]
-            if fitted.criterion < banded.criterion
+            if banded.criterion - fitted.criterion > price(narrow, start, banded.samples)
         ]
         if whole:
             found.append((start, min(whole, key=lambda fitted: fitted.criterion)))

@@ -110,4 +110,3 @@ def works_backwards(log: Log) -> bool:
         for physics in found.values()
     ]
     return bool(backwards) and all(backwards)
-

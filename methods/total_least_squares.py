@@ -37,7 +37,7 @@ class TotalLeastSquares(JointRegression):
     preparation: Preparation = field(default_factory=lambda: Preparation(attenuation=2e-3))
 
     def noise(self, logs: Sequence[Log], equations: Equations) -> Array:
-        """Covariance of one row's columns, the mean of the logs, (p, p) [column units]; zero where there is no noise."""
+        """Covariance of one row's columns, the mean of the logs, (p, p) [column units]; zero without noise."""
         size = len(equations.columns)
         total = np.zeros((size, size))
         for number, log in enumerate(logs):

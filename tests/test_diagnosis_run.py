@@ -211,7 +211,9 @@ def test_held_joints_are_skipped_and_said() -> None:
 def test_planar_pair_is_recognised_in_the_logs() -> None:
     second = StructuredJoint(2, "voltage", {"inertia": 0.02, "viscous": 0.01, "back_emf": 0.4}, {})
     first = StructuredJoint(1, "voltage", {**NOMINAL, "electrical_time_constant": 0.0}, {})
-    pair = recorded(StructuredModel((first, second), DT, PlanarCoupling(0.025, 1.2, second.nominal["inertia"] / 1.2)), 1)
+    pair = recorded(
+        StructuredModel((first, second), DT, PlanarCoupling(0.025, 1.2, second.nominal["inertia"] / 1.2)), 1
+    )
     apart = recorded(StructuredModel((first, second), DT), 1)
     assert is_planar_pair(pair, 1, 2)
     assert not is_planar_pair(apart, 1, 2)

@@ -27,27 +27,19 @@ QUICK_TASKS = (
     "joint1_clean",
     "joint1_paper_effects",
     "joint1_noise_high",
-    "joint1_beyond_amplitude",
-    "joint3_clean",
-    "joint4_stribeck_friction",
     "pair_coulomb_friction",
     "rotor_cogging_torque",
 )
 """One of each kind; none that needs recordings which may be absent."""
 QUICK_METHODS = (
     "constant",
-    "ensemble_sindy",
-    "gaussian_process",
     "huber",
     "idim_iv",
     "idim_ls",
     "kalman_filter",
     "least_squares",
-    "ls_nn_two_signals",
     "output_error",
     "total_least_squares",
-    "weak_sindy",
-    "weighted_ls",
     "whole_arm",
 )
 """Those that take less than a second of processor time per fit, and the one that takes several joints."""

@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from diagnosis.estimation import Fitted, covariance, errors, fit
-from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, in_band
@@ -33,7 +33,8 @@ class Settings:
     credible: number of effects per joint above which they are taken for patchwork around something unknown.
     minor: share of all that was explained below which a further effect is taken for an inexact law of another.
     doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`.
-    disturbance: unlogged torque, as a share of the motor torque, that does so too. relevant: torque of what stays
+    disturbance: unlogged torque, as a share of the motor torque, that does so too, unless it
+    stays below `amplifier` times the largest command: amplifiers are that noisy. relevant: torque of what stays
     unexplained, as a share of the command's rms, below which it is put down to integrators and inexact laws; a further
     effect needs half of that. inexact: share of what was explained above which no such excuse holds.
     """
@@ -47,6 +48,7 @@ class Settings:
     doubtful: float = 0.15
     unexplained: float = 0.03
     disturbance: float = 0.03
+    amplifier: float = 8e-4
     relevant: float = 0.008
     inexact: float = 0.1
 
@@ -203,7 +205,7 @@ def select(
     if (sharp := significant(problem, accepted, base, settings)) is not None:
         accepted, base = sharp
         left = tuple(remainder(problem, base, j) for j in range(problem.joints))
-    said = verdict(nominal, base, accepted, left, settings)
+    said = verdict(problem, nominal, base, accepted, left, settings)
     return Finding(said, nominal, tuple(accepted), base, left, tuple(steps), refused=refused)
 
 
@@ -221,6 +223,8 @@ def choose(
     near.sort(key=lambda s: (s.start.hypothesis.effect.size, -s.evidence))
     for scored in near:
         hypothesis = scored.start.hypothesis
+        if not is_resolved(problem, scored):
+            continue
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
         if share >= (settings.material if first else 0.5 * settings.relevant):
             rivals = tuple(
@@ -232,6 +236,16 @@ def choose(
             )
             return Accepted(scored, share, rivals, ranking(ranked))
     return None
+
+
+def is_resolved(problem: Problem, scored: Scored) -> bool:
+    """Whether the logs can show what the effect's parameters describe."""
+    effect, joint = scored.start.hypothesis.effect, scored.start.hypothesis.joint
+    if effect.resolved is None:
+        return True
+    first = problem.kernel.offsets[effect.name]
+    values = scored.fitted.point.parameters[0, joint, first : first + effect.size]
+    return effect.resolved(values.tolist(), sizes_of(problem, scored.fitted)[joint])
 
 
 def prune(
@@ -425,7 +439,12 @@ def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
 
 
 def verdict(
-    nominal: Fitted, final: Fitted, accepted: Sequence[Accepted], left: Sequence[Remainder], settings: Settings
+    problem: Problem,
+    nominal: Fitted,
+    final: Fitted,
+    accepted: Sequence[Accepted],
+    left: Sequence[Remainder],
+    settings: Settings,
 ) -> Verdict:
     """none, named, ambiguous or unknown."""
     explained = nominal.criterion - final.criterion
@@ -433,11 +452,11 @@ def verdict(
     relevant = max(r.share for r in left) > settings.relevant or excess > settings.inexact * explained
     if excess > max(settings.unexplained * explained, 20.0) and relevant:
         return "unknown"
-    if (
-        distinct(accepted) > settings.credible * len(left)
-        or max(r.disturbance_share for r in left) > settings.disturbance
-    ):
+    if distinct(accepted) > settings.credible * len(left):
         return "unknown"
+    for r, limit in zip(left, problem.command_limits or (0.0,) * len(left), strict=True):
+        if r.disturbance_share > settings.disturbance and r.disturbance > settings.amplifier * limit:
+            return "unknown"
     if any(item.rivals for item in accepted):
         return "ambiguous"
     return "named" if accepted else "none"

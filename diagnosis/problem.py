@@ -59,6 +59,7 @@ class Problem:
     leak [rad/s] pulls the predicted angle towards the measured one, rate_leak [1/s^2] the velocity; burn_in [s] is what
     is discarded at the beginning of every log while initial errors of the angle decay. decimation: the errors are
     compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band). stamps: see `Stamps`.
+    command_limits: largest command per joint, 0 where unknown.
     """
 
     kernel: Kernel
@@ -78,6 +79,7 @@ class Problem:
     names: tuple[str, ...] = ()
     decimation: int = 1
     stamps: Stamps | None = None
+    command_limits: tuple[float, ...] = ()
     starts: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     @property
@@ -331,6 +333,7 @@ def stack(
         encoder_step=facts[0].encoder_step or estimated_step(position),
         revolute=facts[0].position_unit == "rad",
         names=tuple(part.name for part in parts),
+        command_limits=tuple(fact.command_limit or 0.0 for fact in facts),
         starts=np.array(starts),
     )
 

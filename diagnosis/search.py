@@ -204,15 +204,10 @@ def _with_reference(problem: Problem, base: Fitted) -> Fitted:
 
 
 def hypotheses_of(effects: Sequence[Effect], joints: int, present: set[tuple[str, int]]) -> list[tuple[Effect, int]]:
-    """Effects not yet in the model, per joint; a further instance of one only after the instance before it.
-
-    An effect does not stand beside one that it includes: it may only take its place (`diagnosis.engine.swap`).
-    """
+    """Effects not yet in the model, per joint; a further instance of one only after the instance before it."""
     return [
         (effect, j)
         for j in range(joints)
         for effect in effects
-        if (effect.name, j) not in present
-        and (not effect.after or (effect.after, j) in present)
-        and not any((included, j) in present for included in effect.includes)
+        if (effect.name, j) not in present and (not effect.after or (effect.after, j) in present)
     ]

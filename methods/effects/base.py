@@ -23,7 +23,7 @@ in the order of the declaration, ``x`` = (acceleration, velocity, command) of th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import Literal
@@ -99,6 +99,8 @@ class Effect:
     variable: the signal against which the effect shows itself in a plot.
     includes: names of effects that this one contains as a special case. exchanges: nominal parameter that can stand in
         for the first parameter, or nothing. substeps: integration steps per sample.
+    resolved: whether parameters (size,) describe something that logs of these scales can show at all, where that has to
+        be asked: a deflection far below the encoder's step is an integrator's, not a spring's.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
         `kind` is the name they share, `after` the instance that has to be there first.
     expected_failures: conformance checks (`diagnosis.effect_checks`) that it fails by its nature, each with the reason.
@@ -118,6 +120,7 @@ class Effect:
     substeps: int = 1
     includes: tuple[str, ...] = ()
     exchanges: str = ""
+    resolved: Callable[[Sequence[float], Scales], bool] | None = None
     after: str = ""
     kind: str = ""
     expected_failures: tuple[tuple[str, str], ...] = ()

@@ -23,6 +23,7 @@ EFFECT = Effect(
     variable="position since reversal",
     source="Dahl 1968; Canudas de Wit et al. 1995",
     includes=("coulomb_friction",),
+    resolved=lambda p, s: p[0] * p[1] > 0.3 * s.encoder_step,
     amplitudes=(),
     starts=lambda s: [
         (level * s.torque_rms, deflection * s.position_span / (level * s.torque_rms), 0.1)

@@ -386,17 +386,21 @@ def wald(base: Fitted, item: Accepted, spread: Array | None = None) -> float:
     spread: covariance of the free parameters, that of the fit unless given.
     """
     effect = item.scored.start.hypothesis.effect
-    names = [effect.parameters[a].name for a in (effect.amplitudes or range(effect.size))]
-    wanted = [
-        i
+    amplitudes = {effect.parameters[a].name for a in (effect.amplitudes or range(effect.size))}
+    own = {
+        i: f.name.partition(".")[2].partition("@")[0]
         for i, f in enumerate(base.point.free)
-        for name in names
-        if f.name.startswith(f"{item.name}.{name}@{item.joint}")
-    ]
+        if f.name.startswith(f"{item.name}.") and f.joint == item.joint
+    }
+    wanted = [i for i, name in own.items() if name in amplitudes]
+    shapes = [i for i, name in own.items() if name not in amplitudes]
+    spread = base.covariance if spread is None else spread
+    inner = spread[np.ix_(wanted, wanted)]
+    if shapes:  # an amplitude may be uncertain only because the shape is: the shape counts as known
+        cross = spread[np.ix_(wanted, shapes)]
+        inner = inner - cross @ np.linalg.pinv(spread[np.ix_(shapes, shapes)]) @ cross.T
     values = base.point.vector[wanted]
-    return float(
-        values @ np.linalg.pinv((base.covariance if spread is None else spread)[np.ix_(wanted, wanted)]) @ values
-    )
+    return float(values @ np.linalg.pinv(inner) @ values)
 
 
 def trim(

@@ -97,7 +97,7 @@ def test_a_bad_plugin_costs_its_own_row(table: pd.DataFrame, name: str) -> None:
 
 def test_a_good_plugin_beside_them_is_measured(table: pd.DataFrame) -> None:
     assert table.loc["least_squares"].status == "ok"
-    assert table.loc["least_squares"].inverse_error_relative < 1e-2
+    assert table.loc["least_squares"].inverse_error_relative < 0.1
 
 
 def test_an_answer_of_the_wrong_shape_is_refused(table: pd.DataFrame) -> None:

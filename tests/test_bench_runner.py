@@ -178,6 +178,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen]]]:
             process.wait()
 
 
+@pytest.mark.slow
 def test_a_cluster_that_loses_a_worker_gives_the_same_table(
     tiny: str, tmp_path: Path, cluster: tuple[str, list[subprocess.Popen]]
 ) -> None:

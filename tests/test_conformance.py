@@ -31,6 +31,7 @@ OF_EFFECTS = {check.name: check for check in EFFECT_CHECKS}
 
 SLOW = frozenset(
     (
+        "diagnosis",
         "ensemble_sindy",
         "gaussian_process",
         "kalman_filter",
@@ -230,7 +231,7 @@ def test_a_declared_failure_is_shown_with_its_reason_and_must_happen() -> None:
     (result,) = examine_all([broken], subject, {"no_logs": "it likes none"})
     assert result.outcome is Outcome.FAILED
     assert "it likes none" in result.reason
-    raising = MethodSubject(Entry("broken", lambda: Broken(defect="covariance"), frozenset(), "test"))
+    raising = MethodSubject(Entry("broken", lambda: Broken(defect="covariance"), frozenset({"single-joint"}), "test"))
     (result,) = examine_all([CHECKS["covariance"]], raising, {"covariance": "it has no room"})
     assert result.outcome is Outcome.EXPECTED
     assert "it has no room" in result.line

@@ -24,4 +24,8 @@ EFFECT = Effect(
     source="random sampling",
     amplitudes=(),
     function=sensor,
+    expected_failures=(
+        ("starting_values", "it is found by the law of the scatter, not by a search"),
+        ("recovers_itself", "a simulation with it is one without: it moves no expected reading"),
+    ),
 )

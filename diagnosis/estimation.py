@@ -78,6 +78,11 @@ def errors(problem: Problem, points: Sequence[Point], extra: Array | None = None
     )
 
 
+def predicted_motion(problem: Problem, point: Point) -> Array:
+    """Predicted angle, velocity and motor torque (T, n, 3) of a point; see `Problem.motion`."""
+    return problem.motion(point.parameters, point.switches, point.rigid, point.starts)
+
+
 @dataclass(frozen=True, eq=False)
 class Whitener:
     """Prediction-error filters per joint (n, order + 1), leading coefficient 1, and the mask of usable samples."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from diagnosis.estimation import Fitted, Point, errors, project, weights
+from diagnosis.estimation import Fitted, Point, errors, predicted_motion, project, weights
 from diagnosis.problem import Free, Problem, scales, smooth_derivatives
 from envs.log import Array
 from methods.effects.base import Effect, Scales
@@ -265,8 +265,7 @@ def _scan_position(
     problem: Problem, base: Fitted, tool: Adjoint, effect: Effect, joint: int, size: Scales
 ) -> list[tuple[Hypothesis, Array, int]]:
     """Transform of the correlation over the angle; for a gain effect it is weighted with the motor torque."""
-    point = base.point
-    motion = problem.motion(point.parameters, point.switches, point.rigid, point.starts)[:, joint]
+    motion = predicted_motion(problem, base.point)[:, joint]
     q, velocity = motion[:, 0], motion[:, 1]
     weight = motion[:, 2] if effect.slot == "gain" else np.ones(len(q))
     if not np.any(weight):

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.estimation import Fitted
+from diagnosis.estimation import Fitted, predicted_motion
 from diagnosis.problem import Problem
 from envs.log import Array
 from methods.filters import prediction_filter
@@ -38,8 +38,7 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     """The jitter that the scatter of the innovations shows, or None where another law of the scatter does as well."""
     rows = fitted.whitener.rows
     square = fitted.innovation.reshape(problem.joints, -1)[joint] ** 2
-    point = fitted.point
-    motion = problem.motion(point.parameters, point.switches, point.rigid, point.starts)[:, joint]
+    motion = predicted_motion(problem, fitted.point)[:, joint]
     velocity, torque = motion[:, 1], motion[:, 2]
     acceleration = np.diff(velocity, prepend=velocity[:1])
     moving = np.minimum(np.abs(velocity) * problem.sample_time / max(problem.encoder_step, 1e-300), 1.0)

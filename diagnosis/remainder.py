@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.estimation import Fitted, errors, project, weights
+from diagnosis.estimation import Fitted, errors, predicted_motion, project, weights
 from diagnosis.hypotheses import adjoint
 from diagnosis.problem import Problem, excitation_band
 from envs.log import Array
@@ -53,8 +53,8 @@ class Remainder:
         return max(0.0, self.decrease - 1.3 * self.functions - 4.0 * np.sqrt(2.0 * self.functions))
 
 
-def signals(problem: Problem, fitted: Fitted, joint: int) -> dict[str, list[Array]]:
-    """Groups of smooth functions (T,) of the joint's motion and torque, each of unit scale.
+def signals(problem: Problem, motion: Array, joint: int) -> dict[str, list[Array]]:
+    """Groups of smooth functions (T,) of the joint's motion (T, 3) and torque, each of unit scale.
 
     The signals are the model's own predictions, which depend on readings before each sample only: a smoothed reading
     contains the noise that it is compared with, and in a closed loop the command answers to it.
@@ -63,8 +63,6 @@ def signals(problem: Problem, fitted: Fitted, joint: int) -> dict[str, list[Arra
         name: [] for name in ("position", "velocity", "direction", "motor torque", "elapsed time")
     }
     pieces: dict[str, list[list[Array]]] = {name: [] for name in groups}
-    point = fitted.point
-    motion = problem.motion(point.parameters, point.switches, point.rigid, point.starts)[:, joint]
     used = motion[problem.used]
     q0, q1 = used[:, 0].min(), np.ptp(used[:, 0]) + 1e-300
     for a, b in pairwise(problem.bounds):
@@ -110,7 +108,8 @@ def signals(problem: Problem, fitted: Fitted, joint: int) -> dict[str, list[Arra
 
 def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     """Regression of the innovations on the responses to every function, together and group by group."""
-    groups = signals(problem, fitted, joint)
+    motion = predicted_motion(problem, fitted.point)[:, joint]
+    groups = signals(problem, motion, joint)
     noise = weights(fitted.innovation, problem.joints)
     residual = fitted.innovation * noise
     total, count = fitted.total, residual.size // problem.joints
@@ -134,12 +133,12 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         float(gain(every) - base),
         sum(len(r) for r in responses.values()),
         _share(problem, fitted, joint, groups, every, residual, size),
-        *disturbance(problem, fitted, joint),
+        *disturbance(problem, fitted, joint, motion[:, 2]),
     )
 
 
-def disturbance(problem: Problem, fitted: Fitted, joint: int) -> tuple[float, float]:
-    """Rms of the unlogged torque that drives the joint in its band of motion, and the same over the motor torque's.
+def disturbance(problem: Problem, fitted: Fitted, joint: int, motor: Array) -> tuple[float, float]:
+    """Rms of the unlogged torque that drives the joint in its band of motion, and its share of the motor torque's (T,).
 
     With S the spectrum of the prediction errors, S_0 what white noise of the sensor makes of it behind the leak l
     (``S_0 ~ w^2 / (w^2 + l^2)``, its level read off the upper half of the band) and H the response of the error to a
@@ -156,9 +155,7 @@ def disturbance(problem: Problem, fitted: Fitted, joint: int) -> tuple[float, fl
     torque = variance / np.maximum(tool.power(angular, dt), 1e-300) * np.clip(1.0 - sensor / spectrum, 0.0, 1.0)
     band = frequency < max(excitation_band(problem), 2.0 / (problem.time[problem.bounds[1] - 1] - problem.time[0]))
     size = float(np.sqrt(2.0 * np.sum(torque[band]) / count))
-    point = fitted.point
-    motor = problem.motion(point.parameters, point.switches, point.rigid, point.starts)[problem.used, joint, 2]
-    return size, size / max(float(np.sqrt(np.mean(motor**2))), 1e-300)
+    return size, size / max(float(np.sqrt(np.mean(motor[problem.used] ** 2))), 1e-300)
 
 
 def _share(

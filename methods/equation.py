@@ -189,9 +189,7 @@ def _simulate(balance, p, time, command, q, dq, ddq, interpolate):
             a1 = ddq + g * j1
             v1 = dq + g * a1
             # stage 2 at g + r
-            j2, slope = _root(
-                balance, p, q + r * v1, dq + r * a1, ddq + r * j1, j1, u + rise * (g + r), g, JERK, slope
-            )
+            j2, slope = _root(balance, p, q + r * v1, dq + r * a1, ddq + r * j1, j1, u + rise * (g + r), g, JERK, slope)
             a2 = ddq + r * j1 + g * j2
             v2 = dq + r * a1 + g * a2
             # stage 3 at h: its value is the new state

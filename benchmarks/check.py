@@ -11,8 +11,9 @@ from importlib.resources import files
 from pathlib import Path
 
 from benchmarks import fingerprint, reference, tolerance
-from benchmarks.cells import Cell, Prepared, TaskReference, prepare, run_cell
+from benchmarks.cells import Cell, Prepared, TaskReference, needed, prepare, run_cell
 from benchmarks.comparison import SHARES, SKIPPED, Finding, compare
+from benchmarks.isolation import preload
 from benchmarks.progress import Progress
 from benchmarks.reference import CheckError, Run, Trial
 from benchmarks.runner import plan, read_seeds
@@ -110,8 +111,8 @@ def update(
     renewed = {run.method for run in runs}
     kept = [run for run in before if run.method not in renewed or run.task in absent]
     reference.write([*kept, *(run for run in runs if run.task not in absent)], path)
-    facts = fingerprint.provenance()
-    reference.write_provenance(path, sorted(renewed), {**facts, "seeds": ", ".join(map(str, seeds))})
+    facts = {**fingerprint.provenance(), "machine": fingerprint.processor(), "seeds": ", ".join(map(str, seeds))}
+    reference.write_provenance(path, sorted(renewed), facts)
     fresh = [run for run in runs if run.trial == "run"]
     return _report(suite, cells, fresh, before), path
 
@@ -147,6 +148,7 @@ def measure(
     for item in cells:
         if item not in found:
             groups[item.task, item.seed].append(item)
+    preload(needed([item for item in cells if item not in found]))
     telling = threading.Lock()
     with Progress(len(cells), len(found), shown=progress) as bar:
 

@@ -128,7 +128,7 @@ def provenance() -> dict[str, str]:
         "python": platform.python_version(),
         "versions": ", ".join(f"{name} {version}" for name, version in versions().items()),
         "versions_hash": digest(versions())[:16],
-        "machine": f"{platform.node()}, {platform.machine()}, {_processor()}",
+        "machine": f"{platform.node()}, {processor()}",
     }
 
 
@@ -148,8 +148,9 @@ def _commit() -> str:
         return ""
 
 
-def _processor() -> str:
+def processor() -> str:
+    """Architecture and model of this machine's processor."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor()
+    return f"{platform.machine()}, {names[0] if names else platform.processor()}"

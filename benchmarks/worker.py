@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import io
 import json
+import multiprocessing
 import os
 import resource
 import signal
@@ -141,6 +142,7 @@ def serve(pipe: Connection) -> None:
 def _seclude() -> None:
     """A group of its own, no terminal, no truth, and no life after the parent's."""
     os.setsid()
+    multiprocessing.set_start_method(None, force=True)  # a contestant's own processes start as they do elsewhere
     if sys.platform == "linux":
         import ctypes
 

@@ -17,6 +17,11 @@ from envs.log import Array
 from methods.base import Status
 from methods.network_training import Trainer, Weights
 
+DIVERGED = 10.0
+"""Growth of the squared error that is no fit any more. The rule follows the end of the record: where the inputs explain
+nothing, it leaves the error some per cent above that of the start.
+"""
+
 
 @dataclass(frozen=True)
 class BackPropagation(Trainer):
@@ -45,8 +50,7 @@ class BackPropagation(Trainer):
             self.passes,
             with_bias,
         )
-        grown = not np.isfinite(curve[-1]) or curve[-1] > curve[0]
-        status = Status.FAILED if grown else Status.ITERATION_LIMIT
+        status = Status.ITERATION_LIMIT if curve[-1] <= DIVERGED * curve[0] else Status.FAILED
         return Weights(hidden, hidden_bias, output, float(output_bias[0])), curve, status
 
 

@@ -50,6 +50,9 @@ class CompensatedLeastSquares(Method):
         network, curve, status = train_network(
             inputs, target, self.inputs, self.hidden_nodes, self.trainer, self.with_bias, rng
         )
+        begun, ended = np.sqrt(curve[[0, -1]])
+        unit = logs[0].facts[0].command_unit
+        verb = "lowers" if ended < begun else "does not lower"
         return replace(
             first,
             model=replace(first.model, network=network),
@@ -57,5 +60,9 @@ class CompensatedLeastSquares(Method):
             status=status,
             seconds=time.perf_counter() - begin,
             learning_curve=curve,
-            notes=(*first.notes, f"step 1 {first.status.value}"),
+            notes=(
+                *first.notes,
+                f"step 1 {first.status.value}",
+                f"training {verb} the command's error: from {begun:.3g} to {ended:.3g} {unit}",
+            ),
         )

@@ -81,7 +81,10 @@ class WholeArm(Method):
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """kept: indices of the base parameters, whose covariance it is. residuals: (N, n); deviations: theirs, (n,)."""
+    """kept: indices of the base parameters. residuals: (N, n); deviations: theirs, (n,).
+
+    covariance: of the base parameters, then of damping, offset and friction of all joints.
+    """
 
     kept: np.ndarray
     model: ArmModel
@@ -219,12 +222,18 @@ def solved(equations: ArmEquations, logs: Sequence[Log]) -> Solution:
         deviations = np.maximum(np.sqrt(np.mean(errors(x) ** 2, axis=0)), 1e-6 * power)
     phi, drives = parts(x)
     table = (jacobian(x) / deviations[:, None]).reshape(-1, len(x))
-    bread = np.linalg.pinv(table.T @ table + doubt, hermitian=True)
+    length = np.sqrt(np.sum(table**2, axis=0) + np.diag(doubt))
+    table /= length
+    bread = np.linalg.pinv(table.T @ table + doubt / np.outer(length, length), hermitian=True)
     scores = np.einsum("ijk,ij->ik", table.reshape(*equations.command.shape, -1), errors(x) / deviations)
-    covariance = bread @ long_run_scatter(scores, np.sum(errors(x) / deviations, axis=1)) @ bread
+    spread, axes = np.linalg.eigh(long_run_scatter(scores, np.sum(errors(x) / deviations, axis=1)))
+    root = bread @ axes * np.sqrt(np.maximum(spread, 0.0))  # B S B as a square, so that rounding leaves no negative one
+    covariance = root @ root.T
     bodies = len(start.theta)
     model = replace(start, theta=phi[:bodies], rotors=phi[bodies:], drives=drives)
-    return Solution(kept, model, errors(x), deviations, (covariance[:count, :count] * np.outer(size[kept], size[kept])))
+    reported = [*range(count), *range(len(x) - 3 * n, len(x))]
+    unit = np.concatenate((size[kept], power / speed, power, power)) / length[reported]
+    return Solution(kept, model, errors(x), deviations, covariance[np.ix_(reported, reported)] * np.outer(unit, unit))
 
 
 def residuals(equations: ArmEquations, phi: Array, drives: Drives) -> Array:
@@ -235,7 +244,7 @@ def residuals(equations: ArmEquations, phi: Array, drives: Drives) -> Array:
 
 
 def fitted(equations: ArmEquations, solution: Solution, logs: Sequence[Log]) -> Fit:
-    """The fit of a solution: base parameters, and per joint damping, offset and friction without errors."""
+    """The fit of a solution: base parameters, and per joint damping, offset and friction."""
     joints, drives = equations.start.joints, solution.model.drives
     phi = np.concatenate((solution.model.theta, solution.model.rotors))
     bodies = len(solution.model.rotors)
@@ -253,15 +262,13 @@ def fitted(equations: ArmEquations, solution: Solution, logs: Sequence[Log]) -> 
         )
         for joint, fact, value in zip(joints, logs[0].facts, values, strict=True)
     ]
-    covariance = np.full((len(solution.kept) + len(further),) * 2, np.nan)
-    covariance[: len(solution.kept), : len(solution.kept)] = solution.covariance
     return Fit(
         model=solution.model,
         estimates=Estimates(
             names=(*(names[k] for k in solution.kept), *(name for name, _, _ in further)),
             units=(*(measures[k] for k in solution.kept), *(unit for _, unit, _ in further)),
             values=np.concatenate((phi[solution.kept], [value for _, _, value in further])),
-            covariance=covariance,
+            covariance=solution.covariance,
         ),
         residuals=solution.residuals.ravel(),
         status=Status.CONVERGED,

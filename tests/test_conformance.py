@@ -23,6 +23,7 @@ from methods.kernel import build
 from methods.least_squares import LeastSquares
 from methods.plugins import load_all
 from methods.registry import METHODS, Entry
+from methods.whole_arm import WholeArm
 
 load_all()
 CHECKS = {check.name: check for check in METHOD_CHECKS}
@@ -132,6 +133,8 @@ class Broken(LeastSquares):
     def fit(self, logs: Sequence[Log], rng: np.random.Generator) -> Fit:
         if self.defect == "careless":  # knows no MethodError
             return plain(logs)
+        if self.defect == "half the log":
+            logs = [log.joint(log.joints[0]) for log in logs]
         fit = LeastSquares.fit(self, logs, rng)
         estimates, model = fit.estimates, fit.model
         match self.defect:
@@ -185,8 +188,8 @@ def plain(logs: Sequence[Log]) -> Fit:
 @pytest.mark.parametrize(
     ("defect", "check", "reason"),
     [
-        ("nothing", "fits_a_linear_joint", "NoneType"),
-        ("status", "fits_a_linear_joint", "status is a str"),
+        ("nothing", "fits_the_example", "NoneType"),
+        ("status", "fits_the_example", "status is a str"),
         ("short", "shapes", "shape of the inverse"),
         ("stateful", "same_bits", "residual"),
         ("remembers", "refit", "residual"),
@@ -196,6 +199,7 @@ def plain(logs: Sequence[Log]) -> Fit:
         ("unsaved", "saves", "is a Biased"),
         ("biased", "inverse_and_simulation_agree", "position errs"),
         ("biased", "recovery", "its command errs by 3 %"),
+        ("half the log", "several_joints", "a log of two joints is fitted without complaint"),
         ("unit", "units", "expected"),
         ("volts", "kinds_of_joints", "the command's unit is A"),
         ("covariance", "covariance", "negative eigenvalue"),
@@ -223,6 +227,32 @@ def test_a_broken_method_fails_its_check(defect: str, check: str, reason: str) -
     assert result.outcome is Outcome.FAILED, result.line
     assert reason in result.reason
     assert "\n" not in result.line
+
+
+def test_half_an_arm_is_not_several_joints() -> None:
+    entry: Entry[Method] = Entry(
+        "half", lambda: Broken(defect="half the log"), frozenset(("single-joint", "multi-joint")), "test"
+    )
+    (result,) = examine_all([CHECKS["several_joints"]], MethodSubject(entry))
+    assert result.outcome is Outcome.FAILED
+    assert "speaks of joints (1,)" in result.reason
+
+
+@dataclass(frozen=True)
+class Weak(WholeArm):
+    """The whole arm with drives that are five per cent off."""
+
+    def fit(self, logs: Sequence[Log], rng: np.random.Generator) -> Fit:
+        fit = WholeArm.fit(self, logs, rng)
+        drives = fit.model.drives  # type: ignore[attr-defined]
+        return of(fit, model=replace(fit.model, drives=replace(drives, scale=1.05 * drives.scale)))  # type: ignore[type-var]
+
+
+def test_a_method_of_several_joints_is_checked_on_an_arm() -> None:
+    entry: Entry[Method] = Entry("weak", Weak, frozenset(("multi-joint", "physics")), "test")
+    found = {result.check: result for result in examine_all(METHOD_CHECKS, MethodSubject(entry))}
+    assert {name for name, result in found.items() if result.outcome is Outcome.FAILED} == {"recovery"}
+    assert not any(result.outcome is Outcome.NOT_APPLICABLE for result in found.values())
 
 
 def test_a_declared_failure_is_shown_with_its_reason_and_must_happen() -> None:

@@ -10,6 +10,7 @@ from envs.log import Log
 from methods.back_propagation import BackPropagation
 from methods.base import Motion, Status
 from methods.compensated_least_squares import CompensatedLeastSquares
+from methods.conformance.example import LinearJoint
 from methods.differentiation import BandLimited
 from methods.full_batch import FullBatch
 from methods.joint_model import JointModel
@@ -124,6 +125,14 @@ def test_too_fast_a_rule_is_reported_as_failed() -> None:
             [log_with_friction()], np.random.default_rng(0)
         )
     assert fit.status is Status.FAILED
+
+
+def test_a_compensator_with_nothing_to_learn_says_so_and_is_no_failure() -> None:
+    fit = CompensatedLeastSquares().fit([LinearJoint().log(1)], np.random.default_rng(0))
+    assert fit.status is Status.ITERATION_LIMIT
+    begun, ended = np.sqrt(fit.learning_curve[[0, -1]])
+    assert begun < ended < 2.0 * begun
+    assert fit.notes[-1] == f"training does not lower the command's error: from {begun:.3g} to {ended:.3g} V"
 
 
 def test_a_network_alone_fits_its_record_and_nothing_else() -> None:

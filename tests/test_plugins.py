@@ -189,7 +189,7 @@ def test_check_method_says_what_is_broken_and_exits_with_one(
     path = plugin(tmp_path, method_text("raising"))
     assert run("check-method", str(path), monkeypatch=monkeypatch) == 1
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("FAILED            fits_a_linear_joint")
+    assert lines[0].startswith("FAILED            fits_the_example")
     assert "it raises ValueError: so it goes wrong (mine.py, line" in lines[0].replace("It raises", "it raises")
     assert run("check-method", str(tmp_path / "absent.py"), monkeypatch=monkeypatch) == 2
     assert "is not a file" in capsys.readouterr().err

@@ -1,7 +1,9 @@
 """The checks of a method, in the order in which they are run. A docstring's first sentence is the promise.
 
-Most use one fit of a noise-free linear joint (`methods.conformance.example`), so that a quick method is checked in a
-second. `Method.check_settings` makes a slow one quick; `Method.expected_failures` names what it fails by its nature.
+Most use one fit of a noise-free example, so that a quick method is checked in a second: a linear joint
+(`methods.conformance.example`), or, for a method that takes several joints only, two joints of an arm
+(`methods.conformance.example_arm`). `Method.check_settings` makes a slow one quick; `Method.expected_failures` names
+what it fails by its nature.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ import pickle
 import tempfile
 import time as clock
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -22,6 +24,7 @@ from envs.log import Array, Log
 from methods.base import Estimates, Fit, Method, MethodError, Model, Motion, State, Status
 from methods.conformance.check import Check, CheckFailed, NotApplicable
 from methods.conformance.example import LinearJoint, rescaled
+from methods.conformance.example_arm import TwoJoints
 from methods.conformance.isolated import Prepared
 from methods.conformance.representation import rebuilt
 from methods.conformance.units import exponents
@@ -36,6 +39,8 @@ AGREEMENT = 0.02
 ORDER = 0.1
 """Largest relative change of the modelled command when two logs of different damping change places: the rounding that a
 trainer amplifies, the samples that a subset happens to hold. A method that follows time changes by more."""
+NOTHING = 1e-3
+"""Share of the command below which an offset or a friction is none."""
 SHORT = 400
 """Samples of a simulation whose bits are compared."""
 
@@ -46,7 +51,11 @@ class MethodSubject:
 
     entry: Entry[Method]
     budget: float = 60.0
-    joint: LinearJoint = field(default_factory=LinearJoint)
+
+    @cached_property
+    def joint(self) -> LinearJoint | TwoJoints:
+        """The example on which the method is checked."""
+        return LinearJoint() if "single-joint" in self.entry.tags else TwoJoints()
 
     def new(self) -> Method:
         """The method as it is checked, a new object each time."""
@@ -59,7 +68,7 @@ class MethodSubject:
 
     @cached_property
     def timed(self) -> tuple[Fit, float]:
-        """The fit of the linear joint on which most checks look, and the seconds that it took."""
+        """The fit of the example on which most checks look, and the seconds that it took."""
         begin = clock.perf_counter()
         fit = self.new().fit([self.log], np.random.default_rng(0))
         return fit, clock.perf_counter() - begin
@@ -67,20 +76,18 @@ class MethodSubject:
     @property
     def fit(self) -> Fit:
         """That fit. Raises NotApplicable when there is none: the first check says why."""
-        _takes_one_joint(self)
         try:
             return self.timed[0]
         except Exception as error:
-            raise NotApplicable("there is no fit of the linear joint to look at") from error
+            raise NotApplicable("there is no fit of the example to look at") from error
 
     def fitted(self, logs: Sequence[Log]) -> Fit:
         """Another fit with the same generator."""
         return self.new().fit(logs, np.random.default_rng(0))
 
 
-def fits_a_linear_joint(subject: MethodSubject) -> None:
-    """It fits four seconds of a noise-free linear joint and returns a Fit."""
-    _takes_one_joint(subject)
+def fits_the_example(subject: MethodSubject) -> None:
+    """It fits four seconds of a noise-free linear joint, or of two joints of an arm, and returns a Fit."""
     fit, _ = subject.timed
     if not isinstance(fit, Fit):
         raise CheckFailed(f"fit returns a {type(fit).__name__}, not a methods.base.Fit")
@@ -101,10 +108,10 @@ def shapes(subject: MethodSubject) -> None:
     simulated = fit.model.simulate(time[:SHORT], command[:SHORT], rest, "first_order")
     found = {
         "joints": (tuple(fit.model.joints), subject.log.joints),
-        "inputs": (tuple(fit.model.inputs), (subject.joint.input,)),
+        "inputs": (tuple(fit.model.inputs), tuple(fact.input for fact in subject.log.facts)),
         "shape of the inverse": (np.shape(fit.model.inverse(time, motion, command)), command.shape),
         **{
-            f"shape of the simulated {name}": (np.shape(getattr(simulated, name)), (SHORT, 1))
+            f"shape of the simulated {name}": (np.shape(getattr(simulated, name)), command[:SHORT].shape)
             for name in ("position", "velocity", "acceleration", "jerk")
         },
         "dimensions of the residuals": (np.ndim(fit.residuals), 1),
@@ -135,7 +142,6 @@ def refit(subject: MethodSubject) -> None:
 
 def inputs_untouched(subject: MethodSubject) -> None:
     """Logs and numpy's global generator are left as they were."""
-    _takes_one_joint(subject)
     log = replace(subject.log)
     before, state = replace(log).content_hash, _global_state()
     try:
@@ -192,10 +198,10 @@ def row_key(subject: MethodSubject) -> None:
 
 
 def recovery(subject: MethodSubject) -> None:
-    """It finds the linear joint: exactly when it is tagged physics, else better than a constant."""
+    """It finds the example: exactly when it is tagged physics, else better than a constant."""
     exact = "physics" in subject.entry.tags
     errors = [_unseen_error(subject.joint, subject.fit.model)]
-    if exact and errors[0] > EXACT:
+    if exact and errors[0] > EXACT and isinstance(subject.joint, LinearJoint):
         mechanical = replace(subject.joint, electrical=0.0)  # a method of second order has no winding
         errors.append(_unseen_error(mechanical, subject.fitted([mechanical.log(1)]).model))
     limit = EXACT if exact else 0.9
@@ -239,7 +245,8 @@ def units(subject: MethodSubject) -> None:
             raise CheckFailed(f"the unit of {name} is not understood: {error}") from error
     if "physics" not in subject.entry.tags:
         return
-    factor = 2.0
+    factor, own = 2.0, exponents(subject.log.facts[0].command_unit)
+    resolution = NOTHING * float(np.std(subject.log.command))
     scaled = subject.fitted([rescaled(subject.log, factor)]).estimates
     if scaled.names != estimates.names:
         raise CheckFailed(f"with a doubled command the estimates are {', '.join(scaled.names)}")
@@ -248,7 +255,8 @@ def units(subject: MethodSubject) -> None:
             continue  # SI numbers by a robot's description: they do not follow from the command alone
         wanted = factor ** power.get("V", 0) * estimates.values[k]
         slack = 3.0 * factor * (estimates.standard_errors[k] + scaled.standard_errors[k])
-        if not abs(scaled.values[k] - wanted) <= 0.05 * abs(wanted) + np.nan_to_num(slack):
+        slack = np.nan_to_num(slack) + (resolution if power == own else 0.0)
+        if not abs(scaled.values[k] - wanted) <= 0.05 * abs(wanted) + slack:
             raise CheckFailed(
                 f"{name} [{estimates.units[k]}] goes from {estimates.values[k]:.4g} to {scaled.values[k]:.4g} when the "
                 f"command is doubled, expected {wanted:.4g}"
@@ -291,7 +299,6 @@ def honest_status(subject: MethodSubject) -> None:
 
 def time_budget(subject: MethodSubject) -> None:
     """A fit of four seconds ends within the budget, and states its own duration."""
-    _takes_one_joint(subject)
     fit, taken = subject.timed
     if taken > subject.budget:
         raise CheckFailed(f"the fit took {taken:.3g} s, the budget is {subject.budget:g} s")
@@ -301,7 +308,6 @@ def time_budget(subject: MethodSubject) -> None:
 
 def order_of_logs(subject: MethodSubject) -> None:
     """The order of the logs hardly matters, even when the joint has changed in between."""
-    _takes_one_joint(subject)
     worn = replace(subject.joint, damping=1.5 * subject.joint.damping)
     logs = [subject.log, worn.log(2)]
     try:
@@ -319,30 +325,35 @@ def order_of_logs(subject: MethodSubject) -> None:
 
 def kinds_of_joints(subject: MethodSubject) -> None:
     """It works on current, torque and force drives, in rad and in m, or says that it does not."""
-    _takes_one_joint(subject)
-    joints = (
-        replace(subject.joint, input="current", electrical=0.0),
-        replace(subject.joint, input="torque", electrical=0.0),
-        replace(subject.joint, input="torque", electrical=0.0, unit="m", inertia=0.5, damping=6.0, number=3),
-    )
-    for joint in joints:
-        what = f"a {joint.input} log in {joint.unit}"
+    for joint in _other_drives(subject.joint):
+        log = joint.log(1)
+        own, position = log.facts[0].command_unit, log.facts[0].position_unit
+        what = f"a {joint.input} log in {position}"
         try:
-            fit = subject.fitted([joint.log(1)])
+            fit = subject.fitted([log])
         except MethodError:
             continue
         except Exception as error:
             raise CheckFailed(f"{what} ends in {one_line(error)}") from error
-        if tuple(fit.model.inputs) != (joint.input,) or tuple(fit.model.joints) != (joint.number,):
+        if set(fit.model.inputs) != {joint.input} or tuple(fit.model.joints) != log.joints:
             raise CheckFailed(f"{what}: the model speaks of joints {fit.model.joints} with inputs {fit.model.inputs}")
         time, motion, command = joint.unseen()
         answer = fit.model.inverse(time, motion, command)
         if not (np.all(np.isfinite(answer)) or np.all(np.isnan(answer))):
             raise CheckFailed(f"{what}: the inverse is not finite")
-        own = joint.log(1).facts[0].command_unit
-        foreign = [unit for unit in fit.estimates.units if _foreign(unit, own, joint.unit)]
+        foreign = [unit for unit in fit.estimates.units if _foreign(unit, own, position)]
         if foreign:
             raise CheckFailed(f"{what} gives an estimate in {foreign[0]}; the command's unit is {own}")
+
+
+def _other_drives(joint: LinearJoint | TwoJoints) -> tuple[LinearJoint | TwoJoints, ...]:
+    if isinstance(joint, TwoJoints):
+        return tuple(replace(joint, input=kind) for kind in ("current", "torque"))
+    return (
+        replace(joint, input="current", electrical=0.0),
+        replace(joint, input="torque", electrical=0.0),
+        replace(joint, input="torque", electrical=0.0, unit="m", inertia=0.5, damping=6.0, number=3),
+    )
 
 
 def _foreign(unit: str, command: str, position: str) -> bool:
@@ -376,15 +387,37 @@ def still_log(subject: MethodSubject) -> None:
 
 def wrong_joints(subject: MethodSubject) -> None:
     """Logs of different joints together are refused with a MethodError."""
-    _takes_one_joint(subject)
-    other = replace(subject.joint, number=2)
-    _refuses(subject, [subject.log, other.log(2)], "logs of joints 1 and 2")
+    if isinstance(subject.joint, TwoJoints):
+        other, what = replace(subject.joint, numbers=(1, 4)).log(2), "logs of joints 1, 2 and of joints 1, 4"
+    else:
+        other, what = replace(subject.joint, number=2).log(2), "logs of joints 1 and 2"
+    _refuses(subject, [subject.log, other], what)
+
+
+def several_joints(subject: MethodSubject) -> None:
+    """A log of two joints is fitted as a whole by a method tagged multi-joint, and refused by any other."""
+    arm = TwoJoints()
+    log = arm.log(1)
+    if "multi-joint" not in subject.entry.tags:
+        _refuses(subject, [log], "a log of two joints")
+        return
+    fit = subject.fitted([log])
+    time, motion, command = arm.unseen()
+    if tuple(fit.model.joints) != log.joints:
+        raise CheckFailed(f"the model of joints 1 and 2 speaks of joints {fit.model.joints}")
+    answer = fit.model.inverse(time, motion, command)
+    run = _simulated(fit.model, time[:SHORT], command[:SHORT])
+    for what, found, size in (("inverse", answer, len(time)), ("simulation", run, SHORT)):
+        if np.shape(found) != (size, 2):
+            raise CheckFailed(f"shape of the {what}: {np.shape(found)}, expected {(size, 2)}")
+    if not (np.all(np.isfinite(answer)) or np.all(np.isnan(answer))):
+        raise CheckFailed("the inverse of two joints is not finite")
 
 
 METHOD_CHECKS: tuple[Check[MethodSubject], ...] = tuple(
     Check(examine)
     for examine in (
-        fits_a_linear_joint,
+        fits_the_example,
         shapes,
         units,
         covariance,
@@ -405,6 +438,7 @@ METHOD_CHECKS: tuple[Check[MethodSubject], ...] = tuple(
         short_log,
         still_log,
         wrong_joints,
+        several_joints,
     )
 )
 
@@ -414,12 +448,6 @@ def prepare_method(text: str, budget: float) -> Prepared:
     entry = find_method(text)
     method = build_method(entry)
     return Prepared(METHOD_CHECKS, MethodSubject(entry, budget), dict(method.expected_failures))
-
-
-def _takes_one_joint(subject: MethodSubject) -> None:
-    """Raises NotApplicable for a method that needs several joints at once."""
-    if "single-joint" not in subject.entry.tags:
-        raise NotApplicable("it is not tagged single-joint, and the logs of the checks hold one joint")
 
 
 def _refuses(
@@ -462,7 +490,7 @@ def _simulated(model: Model, time: Array, command: Array) -> Array:
     return model.simulate(time, command, State.at_rest(np.zeros(command.shape[1])), "first_order").position
 
 
-def _unseen_error(joint: LinearJoint, model: Model) -> float:
+def _unseen_error(joint: LinearJoint | TwoJoints, model: Model) -> float:
     """Relative error on an unseen motion: of the inverse, or of the simulation where there is no inverse."""
     time, motion, command = joint.unseen()
     answer = model.inverse(time, motion, command)

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 REVERSAL = 1e-2
 """w_j as a share of the joint's largest speed."""
+LIGHT = 1e-3
+"""Share of the norm of a body's ten numbers (SI) below which its mass is too small to divide by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,21 +50,49 @@ class ArmModel(DrivenModel):
     rotors: Array
     drives: Drives
 
-    def body(self) -> pin.Model:
-        """The Pinocchio model with theta and the rotors in it."""
+    def dynamics(self) -> RigidDynamics:
+        """Pinocchio's composite-rigid-body algorithm and its bias, for the moving joints.
+
+        Base parameters need not be those of a body: the mass may be negative, or zero beside a first moment, and
+        Pinocchio divides by it. M and b are linear in theta, so that such a body is the difference of two: itself with
+        a point mass at its joint, and that point mass.
+        """
+        rows = np.array(self.joints) - 1
+        bodies = self.theta.reshape(-1, 10)
+        size = np.linalg.norm(bodies, axis=1)
+        ballast = np.zeros_like(bodies)
+        ballast[:, 0] = np.where((size > 0.0) & (bodies[:, 0] < LIGHT * size), 2.0 * size, 0.0)
+        whole = PinocchioDynamics(self._body(bodies + ballast, self.rotors), rows, self.held)
+        if not np.any(ballast):
+            return whole
+        return Difference(whole, PinocchioDynamics(self._body(ballast, np.zeros_like(self.rotors)), rows, self.held))
+
+    def _body(self, bodies: Array, rotors: Array) -> pin.Model:
+        """The robot's Pinocchio model with other bodies (N, 10) and rotors (N,)."""
         import pinocchio as pin
 
         model = described_body(find_robot(self.robot))
-        model.armature = self.rotors.copy()
-        for number in range(len(self.rotors)):
-            values = self.theta[10 * number : 10 * number + 10]
+        model.armature = rotors.copy()
+        for number, values in enumerate(bodies):
             massless = not np.any(values)
             model.inertias[number + 1] = pin.Inertia.Zero() if massless else pin.Inertia.FromDynamicParameters(values)
         return model
 
-    def dynamics(self) -> RigidDynamics:
-        """Pinocchio's composite-rigid-body algorithm and its bias, for the moving joints."""
-        return PinocchioDynamics(self.body(), np.array(self.joints) - 1, self.held)
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """M and b of one body less those of another."""
+
+    whole: RigidDynamics
+    part: RigidDynamics
+
+    def inertia(self, position: Array) -> Array:
+        """See `RigidDynamics`."""
+        return self.whole.inertia(position) - self.part.inertia(position)
+
+    def bias(self, position: Array, velocity: Array) -> Array:
+        """See `RigidDynamics`."""
+        return self.whole.bias(position, velocity) - self.part.bias(position, velocity)
 
 
 class PinocchioDynamics:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from envs.adeptone import adeptone
 from envs.log import Array, Log
-from methods.arm import ArmModel
+from methods.arm import ArmModel, described_body
 from methods.base import MethodError, Motion, State
 from methods.consistent_arm import ConsistentArm, pseudo_inertia
 from methods.joint_regression import Preparation
@@ -74,6 +75,19 @@ def test_the_closed_form_is_recovered(logs: list[Log]) -> None:
     emf = np.array([drive.torque_constant / drive.amplifier_gain.value for drive in adeptone().drives])
     viscous = SCALE * adeptone().drive_values("viscous") * adeptone().drive_values("input_equivalent")
     assert fit.model.drives.damping == pytest.approx(emf + viscous, rel=0.02)
+
+
+def test_bodies_that_cannot_be_have_the_dynamics_of_their_numbers(logs: list[Log]) -> None:
+    fit = WholeArm(preparation=PREPARATION).fit(logs, RNG)
+    assert isinstance(fit.model, ArmModel)
+    theta = fit.model.theta.copy()
+    theta[10], theta[20], theta[22] = -3.9, 0.0, -0.4  # a negative mass, and a first moment without a mass
+    model = replace(fit.model, theta=theta)
+    rigid, body = model.dynamics(), described_body(adeptone())
+    for q, v, a in np.random.default_rng(1).uniform(-0.5, 0.5, (4, 3, 4)):
+        regressor = pin.computeJointTorqueRegressor(body, body.createData(), q, v, a)
+        torque = rigid.inertia(q) @ a + rigid.bias(q, v)
+        np.testing.assert_allclose(torque, regressor @ theta + model.rotors * a, rtol=1e-9, atol=1e-9)
 
 
 def test_inverse_and_simulation_are_one_model(logs: list[Log]) -> None:

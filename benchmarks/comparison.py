@@ -57,7 +57,9 @@ def compare(fresh: Sequence[Run], reference: Sequence[Run], absent: Mapping[str,
     methods = {method for _, method in known}
     strange = {(run.task, run.method) for run in fresh} - known
     strange = {(task if method in methods else ALL_TASKS, method) for task, method in strange}
-    found += [Finding("not compared", task, method, "", note="not in the reference") for task, method in sorted(strange)]
+    found += [
+        Finding("not compared", task, method, "", note="not in the reference") for task, method in sorted(strange)
+    ]
     here = [run for run in fresh if run.task not in absent and (run.task, run.method) in known]
     asked = {(run.task, run.method) for run in here}
     before = [run for run in reference if (run.task, run.method) in asked]

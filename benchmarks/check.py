@@ -241,7 +241,9 @@ def _value(item: Finding, value: float) -> str:
 def _limit(item: Finding, value: float) -> str:
     if value != value:
         return ""
-    return f"{value:+.2g}" if item.metric in SHARES else f"×{_digits(value)}"
+    if item.metric in SHARES:
+        return f"{value:+.2g}" if abs(value) > 1e-6 else "0"
+    return f"×{_digits(value)}"
 
 
 def _digits(value: float) -> str:

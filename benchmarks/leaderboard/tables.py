@@ -89,9 +89,10 @@ def standings_table(results: Results, board: Leaderboard) -> Table:
                 item.parameter_count,
             )
         )  # fmt: skip
+    tasks = "1 task" if len(board.tasks) == 1 else f"{len(board.tasks)} tasks"
     return Table(
         name=f"standings_{board.question.name}_{board.group}",
-        title=f"{board.question.title}, {len(board.tasks)} tasks ({board.group}): score 0 is the constant predictor, "
+        title=f"{board.question.title}, {tasks} ({board.group}): score 0 is the constant predictor, "
         "1 the noise floor; 95 % intervals over seeds",
         columns=(
             "", "Contestant", "Score", "Mean rank", beats, "Tasks", "Runs", "Failed", "Skipped", "Fit (s)",

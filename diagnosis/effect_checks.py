@@ -117,7 +117,7 @@ class EffectSubject:
             raise NotApplicable("it proposes no starting values for a single turning joint")
         middle = list(every[len(every) // 2])
         for a in self.effect.amplitudes:
-            middle[a] *= STRENGTH
+            middle[a] = min(STRENGTH * middle[a], 0.6 * self.effect.parameters[a].upper)
         return tuple(float(value) for value in middle)
 
     def model(self, values: Sequence[float] | None) -> StructuredModel:

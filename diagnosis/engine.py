@@ -9,13 +9,13 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from diagnosis.estimation import Fitted, covariance, errors, fit
-from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of
+from diagnosis.estimation import Fitted, Point, covariance, errors, fit
+from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
-from diagnosis.search import Ranked, Scored, hypotheses_of, polish, ranking, try_all
+from diagnosis.search import Ranked, Scored, hypotheses_of, polish, price, ranking, try_all
 from envs.log import Array
 from methods.effects.base import Effect
 
@@ -34,21 +34,25 @@ class Settings:
     minor: share of all that was explained below which a further effect is taken for an inexact law of another.
     doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`.
     disturbance: unlogged torque, as a share of the motor torque, that does so too, unless it
-    stays below `amplifier` times the largest command: amplifiers are that noisy. relevant: torque of what stays
+    stays below `amplifier` times the largest command: amplifiers are that noisy. jitter: least jitter of the sampling
+    instants as a share of the interval. patched: evidence of what was refused for its size, as a share of what was
+    explained, above which something unknown must be there. relevant: torque of what stays
     unexplained, as a share of the command's rms, below which it is put down to integrators and inexact laws; a further
     effect needs half of that. inexact: share of what was explained above which no such excuse holds.
     """
 
     threshold: float = 12.0
-    material: float = 2e-4
+    material: float = 2.5e-4
     rival: float = 6.0
     limit: int = 4
     credible: int = 3
-    minor: float = 0.01
+    minor: float = 0.005
     doubtful: float = 0.15
     unexplained: float = 0.03
     disturbance: float = 0.03
-    amplifier: float = 8e-4
+    amplifier: float = 1.5e-3
+    jitter: float = 0.002
+    patched: float = 2.0
     relevant: float = 0.008
     inexact: float = 0.1
 
@@ -174,22 +178,22 @@ def select(
         if accepted:
             complete = is_complete(problem, nominal, base)
             needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
-        ranked = try_all(
-            problem, base, hypotheses_of(effects, problem.joints, present), needed=needed, restarts=len(accepted) < 2
-        )
+        ranked = try_all(problem, base, hypotheses_of(effects, problem.joints, present), needed=needed)
         chosen = choose(problem, ranked, settings, explained, first=not accepted)
         if chosen is None:
             refused = ranking(ranked)
             break
         chosen = replace(chosen, scored=polish(problem, base, chosen.scored))
         chosen = simplified(problem, base, chosen, effects, settings)
+        accepted, chosen = merged(problem, base, accepted, chosen, settings)
         accepted.append(chosen)
         present.add((chosen.name, chosen.joint))
-        for included in chosen.scored.start.hypothesis.effect.includes:
-            present.add((included, chosen.joint))
+        effect = chosen.scored.start.hypothesis.effect
+        present |= {(name, chosen.joint) for name in (*effect.includes, *effect.excludes)}
         base = chosen.scored.fitted
         steps.append(base)
         accepted, base = prune(problem, nominal, accepted, base, settings)
+        accepted, base = simplified_afterwards(problem, accepted, base, effects, settings)
     left = tuple(remainder(problem, base, j) for j in range(problem.joints))
     if (
         accepted
@@ -205,7 +209,11 @@ def select(
     if (sharp := significant(problem, accepted, base, settings)) is not None:
         accepted, base = sharp
         left = tuple(remainder(problem, base, j) for j in range(problem.joints))
+    accepted = [confirmed(problem, base, item, settings) for item in accepted]
     said = verdict(problem, nominal, base, accepted, left, settings)
+    patched = max((r.decrease - r.price for r in refused), default=0.0)
+    if accepted and patched > settings.patched * (nominal.criterion - base.criterion):
+        said = "unknown"
     return Finding(said, nominal, tuple(accepted), base, left, tuple(steps), refused=refused)
 
 
@@ -219,8 +227,17 @@ def choose(
     margin = max(settings.rival, 0.02 * top.decrease)
     if top.decrease < settings.minor * explained:
         return None
-    near = [s for s in ranked if s.decrease >= top.decrease - margin and s.evidence > settings.threshold]
-    near.sort(key=lambda s: (s.start.hypothesis.effect.size, -s.evidence))
+    best = max(s.evidence for s in ranked)
+    near = [
+        s
+        for s in ranked
+        if s.evidence > settings.threshold
+        and (s.decrease >= top.decrease - margin or s.evidence >= best - settings.rival)
+    ]
+    strongest: dict[tuple[str, int], Scored] = {}
+    for s in sorted(near, key=lambda s: s.evidence):  # of several forms of one law the likeliest
+        strongest[s.label, s.start.hypothesis.joint] = s
+    near = sorted(strongest.values(), key=lambda s: (s.start.hypothesis.effect.size, -s.evidence))
     for scored in near:
         hypothesis = scored.start.hypothesis
         if not is_resolved(problem, scored):
@@ -232,6 +249,7 @@ def choose(
                 for s in ranked
                 if s is not scored
                 and s.evidence > scored.evidence - settings.rival
+                and (s.label, s.start.hypothesis.joint) != (scored.label, hypothesis.joint)
                 and scored.name not in s.start.hypothesis.effect.includes
             )
             return Accepted(scored, share, rivals, ranking(ranked))
@@ -279,14 +297,85 @@ def simplified(
     inner = [(other, joint) for other in effects if other.name in effect.includes]
     if not inner:
         return chosen
-    for simple in try_all(problem, base, inner, refine=len(inner), finals=len(inner)):
-        simple = polish(problem, base, simple)
+    for start in proposals(problem, [base], inner, sizes_of(problem, base))[0]:
+        point = _within(problem, chosen, start)
+        fitted = fit(problem, point, chosen.scored.fitted.whitener, rounds=3, iterations=8)
+        cost = price(problem, start, base.samples)
+        simple = Scored(start, fitted, base.criterion - fitted.criterion, cost)
         saved = chosen.scored.price - simple.price
         if chosen.scored.decrease - simple.decrease < saved + settings.threshold:
             share = materiality(problem, simple.fitted, simple.name, joint)
             rivals = tuple(rival for rival in chosen.rivals if rival.name != simple.name)
             return replace(chosen, scored=simple, material=share, rivals=rivals)
     return chosen
+
+
+def _within(problem: Problem, chosen: Accepted, start: Start) -> Point:
+    """The chosen model with a simpler effect in place of the chosen one, which lends it parameters of the same name."""
+    whole, simple = chosen.scored.start.hypothesis.effect, start.hypothesis.effect
+    fitted, offsets = chosen.scored.fitted.point.parameters[:, chosen.joint], problem.kernel.offsets
+    names, values = [parameter.name for parameter in whole.parameters], start.values.copy()
+    for i, parameter in enumerate(simple.parameters):
+        if parameter.name in names:
+            values[:, i] = fitted[:, offsets[whole.name] + names.index(parameter.name)]
+    return extend(
+        problem, withdraw(problem, chosen.scored.fitted.point, whole.name, chosen.joint), start.hypothesis, values
+    )
+
+
+def merged(
+    problem: Problem, base: Fitted, accepted: list[Accepted], chosen: Accepted, settings: Settings
+) -> tuple[list[Accepted], Accepted]:
+    """An effect that contains an earlier one takes its place, where both together do no better."""
+    effect, joint = chosen.scored.start.hypothesis.effect, chosen.joint
+    for item in accepted:
+        if item.name not in effect.includes or item.joint != joint:
+            continue
+        point = withdraw(problem, chosen.scored.fitted.point, item.name, joint)
+        parameters = point.parameters.copy()
+        inner = item.scored.start.hypothesis.effect
+        names, offsets = [parameter.name for parameter in effect.parameters], problem.kernel.offsets
+        for i, parameter in enumerate(inner.parameters):
+            if parameter.name in names:
+                into = offsets[effect.name] + names.index(parameter.name)
+                parameters[:, joint, into] += parameters[:, joint, offsets[inner.name] + i]
+        fitted = fit(problem, replace(point, parameters=parameters), rounds=2, iterations=8)
+        if fitted.criterion - chosen.scored.fitted.criterion < item.scored.price + settings.threshold:
+            decrease = base.criterion - fitted.criterion + item.scored.decrease
+            chosen = replace(chosen, scored=replace(chosen.scored, fitted=fitted, decrease=decrease))
+            accepted = [other for other in accepted if other is not item]
+    return accepted, chosen
+
+
+def confirmed(problem: Problem, base: Fitted, item: Accepted, settings: Settings) -> Accepted:
+    """The effect with those of its rivals that do as well in its place beside the effects found after it."""
+    joint = item.joint
+    smaller = withdraw(problem, base.point, item.name, joint)
+    rivals = []
+    for rival in item.rivals:
+        hypothesis = rival.start.hypothesis
+        first = problem.kernel.offsets[rival.name]
+        values = rival.fitted.point.parameters[:, hypothesis.joint, first : first + hypothesis.effect.size]
+        fitted = fit(problem, extend(problem, smaller, hypothesis, values), rounds=2, iterations=10)
+        if fitted.criterion + rival.price < base.criterion + item.scored.price + settings.rival:
+            rivals.append(rival)
+    return replace(item, rivals=tuple(rivals))
+
+
+def simplified_afterwards(
+    problem: Problem, accepted: list[Accepted], base: Fitted, effects: Sequence[Effect], settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """The effects but the last in their simplest form: before the last one was there they may have stood in for it."""
+    for item in accepted[:-1]:
+        if not item.scored.start.hypothesis.effect.includes:
+            continue
+        smaller = without(problem, base, item)
+        whole = replace(item.scored, fitted=base, decrease=smaller.criterion - base.criterion)
+        simple = simplified(problem, smaller, replace(item, scored=whole), effects, settings)
+        if simple.name != item.name:
+            accepted = [simple if other is item else other for other in accepted]
+            base = simple.scored.fitted
+    return accepted, base
 
 
 def significant(
@@ -309,12 +398,12 @@ def with_jitter(problem: Problem, finding: Finding, effects: Sequence[Effect], s
     effect = next((effect for effect in effects if effect.name == JITTER), None)
     if effect is None:
         return finding
-    price = float(np.log(finding.final.samples))
+    price, dt = float(np.log(finding.final.samples)), problem.sample_time
     for j in range(problem.joints):
         found = jitter(problem, finding.final, j)
         if problem.stamps is not None:
             found = Jitter(problem.stamps.error, problem.stamps.error / np.sqrt(2.0 * price), problem.stamps.decrease)
-        if found is None or found.decrease < price + settings.threshold:
+        if found is None or found.decrease < price + settings.threshold or found.rms < settings.jitter * dt:
             continue
         hypothesis, values = Hypothesis(effect, j), np.full((problem.logs, 1), found.rms)
         fitted = finding.final
@@ -361,10 +450,14 @@ def swap(
         for item in accepted[:2]:
             smaller = without(problem, base, item)
             others = [other for other in accepted if other is not item]
-            kept = {(other.name, other.joint) for other in others}
+            kept = {
+                (name, other.joint)
+                for other in others
+                for name in (other.name, *other.scored.start.hypothesis.effect.excludes)
+            }
             every = hypotheses_of(effects, problem.joints, kept)
             candidates = [(e, j) for e, j in every if (e.name, j) != (item.name, item.joint)]
-            ranked = try_all(problem, smaller, candidates, refine=4, finals=1, restarts=False)
+            ranked = try_all(problem, smaller, candidates, refine=4, finals=1)
             if not ranked:
                 continue
             found = ranked[0]
@@ -413,7 +506,10 @@ def trim(
 ) -> tuple[list[Accepted], Fitted, tuple[Remainder, ...]]:
     """Take back small effects while the model stays incomplete: they may only repair the inexact law of a large one."""
     explained = nominal.criterion - base.criterion
-    while len(accepted) > 1 and sum(r.excess for r in left) > 0.2 * (weakest := _weakest(problem, base, accepted))[1]:
+    while len(accepted) > 1 and sum(r.excess for r in left) > 0.0:
+        weakest = _weakest(problem, base, accepted)
+        if sum(r.excess for r in left) <= 0.2 * weakest[1]:
+            break
         item, loss, smaller = weakest
         if loss > settings.doubtful * explained:
             break
@@ -435,11 +531,8 @@ def _weakest(problem: Problem, base: Fitted, accepted: Sequence[Accepted]) -> tu
 
 def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
     """The model refitted without one of its effects."""
-    prefix, joint = item.name + ".", item.joint
-    switches = base.point.switches.copy()
-    switches[joint, problem.kernel.switches[item.name]] = False
-    free = tuple(f for f in base.point.free if not (f.name.startswith(prefix) and f.joint == joint))
-    return fit(problem, replace(base.point, switches=switches, free=free), rounds=2, iterations=4, tolerance=1e-4)
+    point = withdraw(problem, base.point, item.name, item.joint)
+    return fit(problem, point, rounds=2, iterations=4, tolerance=1e-4)
 
 
 def verdict(

@@ -120,7 +120,7 @@ def whitener(problem: Problem, error: Array) -> Whitener:
     every = problem.decimation
     blocks = lag_blocks(problem)
     order = blocks[-1][1] - 1
-    band = np.ones(1) if every == 1 else firwin(6 * every + 1, 0.8 / every)
+    band = band_filter(problem)
     memory = order * every + len(band) - 1
     mask = problem.used.copy()
     for start, stop in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
@@ -144,6 +144,26 @@ def whitener(problem: Problem, error: Array) -> Whitener:
             sparse[first * every : (last - 1) * every + 1 : every] = -value / (last - first)
         filters[j] = np.convolve(sparse, band)
     return Whitener(filters, mask)
+
+
+def band_filter(problem: Problem) -> Array:
+    """Window filter that limits the errors to the band in which they are compared."""
+    every = problem.decimation
+    return np.ones(1) if every == 1 else firwin(6 * every + 1, 0.8 / every)
+
+
+def plain(problem: Problem, fitted: Fitted) -> Fitted:
+    """The same model with its errors as they are: a filter that may have taken a missing effect for noise is put aside.
+
+    What the nominal parameters can explain of them to first order is taken away.
+    """
+    band = np.tile(band_filter(problem), (problem.joints, 1))
+    view = finish(problem, fitted.point, fitted.error, Whitener(band, fitted.whitener.mask), fitted.iterations)
+    scale = weights(view.innovation, problem.joints)
+    scaled = view.innovation * scale
+    left = scaled - project(view.jacobian, scaled)[0] @ view.jacobian
+    again = weights(left / scale, problem.joints)
+    return replace(view, innovation=left / scale, jacobian=view.jacobian / scale * again, filtered=False)
 
 
 LAGS = 60
@@ -227,7 +247,10 @@ def lag_blocks(problem: Problem) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Outcome of a fit: model, errors (T, n), innovations (N n,), their mean squares per joint, covariance."""
+    """Outcome of a fit: model, errors (T, n), innovations (N n,), their mean squares per joint, covariance.
+
+    filtered: whether the innovations are meant to be white.
+    """
 
     point: Point
     error: Array
@@ -238,6 +261,7 @@ class Fitted:
     iterations: int
     floor: Array
     credible: bool = True
+    filtered: bool = True
 
     @property
     def samples(self) -> int:
@@ -318,9 +342,11 @@ def fit(
     iterations: int = 6,
     tolerance: float = 1e-5,
     known: Array | None = None,
+    renewed: bool = True,
 ) -> Fitted:
-    """Levenberg-Marquardt on the innovations; the whitening filter is renewed between rounds.
+    """Levenberg-Marquardt on the innovations; the whitening filter is renewed between rounds and, if `renewed`, after.
 
+    Sensitivities serve for several steps, as long as these get on; iterations: how often a round computes them.
     tolerance: relative decrease of the mean square below which a round ends. known: whitened sensitivities (K, N n) of
     the first K parameters, taken for constant, in a fit of one round that only has to tell hypotheses apart.
     """
@@ -329,25 +355,33 @@ def fit(
     upper = np.array([f.upper for f in point.free])
     centre = np.array([f.centre for f in point.free])
     certainty = np.array([f.deviation for f in point.free]) ** -2.0
-    damping, count = 1e-3, 0
+    first = 0 if known is None else len(known)
+    damping, count, age = 1e-3, 0, 0
+    slopes: Array | None = None  # taken `age` steps ago
     filter_ = filter_ or whitener(problem, error)
-    gram = jacobian = innovation = np.zeros(0)
     for turn in range(rounds):
         if turn:
             filter_ = whitener(problem, error)
-        for _ in range(iterations):
+        left, jacobian = iterations, None
+        for _ in range(ATTEMPTS * iterations):
+            if slopes is None or age >= REUSED:
+                if not left:
+                    break
+                slopes, jacobian = sensitivities(problem, point, error, first=first), None
+                age, left, count = 0, left - 1, count + 1
+            if jacobian is None:
+                jacobian = _jacobian(filter_, slopes, known)
             innovation = filter_(error)
             scale = weights(innovation, problem.joints)
             away = point.vector - centre
             base = float(np.sum((innovation * scale) ** 2) + away**2 @ certainty)
-            jacobian = _jacobian(problem, point, error, filter_, known) * scale
-            gram = jacobian @ jacobian.T + np.diag(certainty)
-            gradient = jacobian @ (innovation * scale) + certainty * away
+            scaled = jacobian * scale
+            gram = scaled @ scaled.T + np.diag(certainty)
+            gradient = scaled @ (innovation * scale) + certainty * away
             if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(gradient)) and np.max(np.diag(gram)) > 0.0):
                 break
             diagonal = np.maximum(np.diag(gram), 1e-30 * max(np.max(np.diag(gram)), 1e-300))
             root = np.sqrt(diagonal)
-            count += 1
             trials = []
             for factor in (damping * 0.1, damping * 100.0):
                 matrix = gram + factor * np.diag(diagonal)
@@ -363,33 +397,53 @@ def fit(
             ]
             best = int(np.argmin(costs))
             if not costs[best] < base:
+                if age:
+                    age = REUSED
+                    continue
                 if damping >= 1e3:
                     break
                 damping *= 1e4
                 continue
             damping = max(trials[best][0], 1e-7)
             point, error = trials[best][1], outcomes[best]
+            age += 1
             if costs[best] > base * (1.0 - tolerance):
-                break
-    filter_ = whitener(problem, error)
-    innovation = filter_(error)
-    return finish(problem, point, error, filter_, count, known)
+                if (
+                    age == 1 or turn < rounds - 1
+                ):  # by the sensitivities of the point itself, or soon to be filtered anew
+                    break
+                age = REUSED
+    if renewed:
+        filter_ = whitener(problem, error)
+    return finish(problem, point, error, filter_, count, known, slopes if age <= 1 else None)
 
 
-def _jacobian(problem: Problem, point: Point, error: Array, filter_: Whitener, known: Array | None) -> Array:
-    """Whitened sensitivities (P, N n)."""
-    if known is None:
-        return filter_(sensitivities(problem, point, error))
-    return np.vstack([known, filter_(sensitivities(problem, point, error, first=len(known)))])
+REUSED = 4
+"""Steps that may be taken by the same sensitivities."""
+ATTEMPTS = 4
+"""Steps per computation of sensitivities that a fit may try on average."""
+
+
+def _jacobian(filter_: Whitener, slopes: Array, known: Array | None) -> Array:
+    """Whitened sensitivities (P, N n) of the known parameters and of the others, (P - K, T, n)."""
+    return filter_(slopes) if known is None else np.vstack([known, filter_(slopes)])
 
 
 def finish(
-    problem: Problem, point: Point, error: Array, filter_: Whitener, count: int = 0, known: Array | None = None
+    problem: Problem,
+    point: Point,
+    error: Array,
+    filter_: Whitener,
+    count: int = 0,
+    known: Array | None = None,
+    slopes: Array | None = None,
 ) -> Fitted:
-    """Innovations, sensitivities and covariance at a point."""
+    """Innovations, sensitivities and covariance at a point; slopes: sensitivities that are good enough, if any."""
     innovation = filter_(error)
     scale = weights(innovation, problem.joints)
-    jacobian = _jacobian(problem, point, error, filter_, known) * scale
+    if slopes is None:
+        slopes = sensitivities(problem, point, error, first=0 if known is None else len(known))
+    jacobian = _jacobian(filter_, slopes, known) * scale
     gram = jacobian @ jacobian.T + np.diag([f.deviation**-2.0 for f in point.free])
     diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     if np.all(np.isfinite(gram)):

@@ -5,12 +5,13 @@ A hypothesis is one effect on one joint, in all logs or in one of them (an event
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 from scipy.signal import fftconvolve
 
 from diagnosis.estimation import Fitted, Point, errors, predicted_motion, project, weights
@@ -19,8 +20,11 @@ from envs.log import Array
 from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL
 
-RESTARTS = 5
-"""Starting values, each with another first parameter, of a hypothesis that is linear in none of its parameters."""
+OTHER = 1.5
+"""Factor by which a shape has to differ from another one to be worth a fit of its own."""
+VISCOUS, BACK_EMF = "viscous", "back_emf"
+DAMPING = 0.5
+"""Share of the damping by which its mechanical part may differ from the stated one (one standard deviation)."""
 PER_LOG = {"periodic_disturbance": (0, 1)}
 """Parameters that may differ from log to log: the phase of a disturbance has no reason to restart with a recording."""
 
@@ -42,8 +46,7 @@ class Hypothesis:
 class Start:
     """A hypothesis with values (L, size) to begin from and the decrease of the criterion that they promise.
 
-    others: further values, next best first, of an effect that is linear in none of its parameters; the first of them
-    differs from value to value.
+    others: values of other shapes, next best first, as many as the effect wants to be tried.
     """
 
     hypothesis: Hypothesis
@@ -72,71 +75,117 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
             name = f"{effect.name}.{parameter.name}@{j}" + (f"#{log}" if log >= 0 else "")
             kind = "log" if log >= 0 else "joint"
             free.append(Free(name, kind, j, offset + i, size, parameter.lower, parameter.upper, log))
+    known = {f.name: f for f in free}
+    if effect.has_motor_torque and f"{BACK_EMF}@{j}" in known and f"{VISCOUS}@{j}" not in known:
+        size = known[f"{BACK_EMF}@{j}"].scale
+        begin = float(parameters[0, j, NOMINAL.index(VISCOUS)])
+        free.append(
+            Free(
+                f"{VISCOUS}@{j}", "joint", j, NOMINAL.index(VISCOUS), size, 0.0, centre=begin, deviation=DAMPING * size
+            )
+        )
+    return replace(point, parameters=parameters, switches=switches, free=tuple(free))
+
+
+def withdraw(problem: Problem, point: Point, name: str, joint: int) -> Point:
+    """The model without an effect; the inverse of `extend`."""
+    switches = point.switches.copy()
+    switches[joint, problem.kernel.switches[name]] = False
+    free = [f for f in point.free if not (f.name.startswith(f"{name}.") and f.joint == joint)]
+    left = [effect for effect, on in zip(problem.kernel.effects, switches[joint], strict=True) if on]
+    parameters = point.parameters
+    shared = next((f for f in free if f.name == f"{VISCOUS}@{joint}" and np.isfinite(f.deviation)), None)
+    if shared is not None and not any(effect.has_motor_torque for effect in left):
+        parameters = parameters.copy()  # the damping as a whole stays
+        moved = parameters[:, joint, shared.column] - shared.centre
+        parameters[:, joint, shared.column] -= moved
+        parameters[:, joint, NOMINAL.index(BACK_EMF)] += moved
+        free.remove(shared)
     return replace(point, parameters=parameters, switches=switches, free=tuple(free))
 
 
 def proposals(
-    problem: Problem, base: Fitted, candidates: Iterable[tuple[Effect, int]], sizes: dict[int, Scales]
-) -> list[Start]:
-    """Best starting values per hypothesis, by regression of the whitened nominal errors on its sensitivities.
+    problem: Problem, views: Sequence[Fitted], candidates: Iterable[tuple[Effect, int]], sizes: dict[int, Scales]
+) -> list[list[Start]]:
+    """Best starting values per hypothesis, by regression of the nominal errors on its sensitivities, best first.
 
-    Sensitivities come from the kernel itself (one simulation per amplitude and shape), so that the filter from an
-    effect
-    to the prediction error is exact, friction and coupling included.
+    views: the same model seen through several whitening filters, each of which gets a list of its own. Sensitivities
+    come from the kernel itself (one simulation per amplitude and shape), so that the filter from an effect to the
+    prediction error is exact, friction and coupling included.
     """
     jobs: list[tuple[Hypothesis, Array, int]] = []
     for effect, joint in candidates:
-        found: list[tuple[Hypothesis, Array, int]] = []
         if effect.scan is not None:
-            found = scan(problem, base, effect, joint, sizes[joint])
+            for view in views:
+                jobs += scan(problem, view, effect, joint, sizes[joint])
         elif effect.starts is not None:
             every = list(effect.starts(sizes[joint]))
-            found = [
+            jobs += [
                 (Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), len(every)) for v in every
             ]
-        jobs += found
-    found_by_key: dict[str, list[Start]] = {}
-    noise = weights(base.innovation, problem.joints)
-    residual = base.innovation * noise
+    found: list[dict[str, list[Start]]] = [{} for _ in views]
     for hypothesis, values, searched in jobs:
-        start = _regress(problem, base, residual, noise, hypothesis, values, searched)
-        found_by_key.setdefault(f"{hypothesis.effect.name}@{hypothesis.joint}", []).append(start)
-    best = []
-    for group in found_by_key.values():
-        group.sort(key=lambda s: -s.promise)
-        distinct: dict[float, Array] = {}
-        if not group[0].hypothesis.effect.amplitudes:
+        key = f"{hypothesis.effect.name}@{hypothesis.joint}"
+        for own, start in zip(found, _regress(problem, views, hypothesis, values, searched), strict=True):
+            own.setdefault(key, []).append(start)
+    lists = []
+    for own in found:
+        best = []
+        for group in own.values():
+            group.sort(key=lambda s: -s.promise)
+            effect = group[0].hypothesis.effect
+            chosen: list[Array] = []
             for start in group:
-                distinct.setdefault(float(start.values[0, 0]), start.values)
-        best.append(replace(group[0], others=tuple(distinct.values())[1:RESTARTS]))
-    return sorted(best, key=lambda s: -s.promise)
+                other = all(_other_shape(effect, start.values[0], values[0]) for values in chosen)
+                if len(chosen) < effect.tries and np.isfinite(start.promise) and other:
+                    chosen.append(start.values)
+            best.append(replace(group[0], others=tuple(chosen[1:])))
+        lists.append(sorted(best, key=lambda s: -s.promise))
+    return lists
+
+
+def effective_samples(residual: Array, joints: int) -> float:
+    """Number of independent samples that residuals (N n,) are worth: all of them when they are white.
+
+    The autocorrelations r count as long as they stay positive: N / (1 + 2 sum r).
+    """
+    total = 0.0
+    for own in residual.reshape(joints, -1):
+        power = np.abs(np.fft.rfft(own, next_fast_len(2 * len(own), real=True))) ** 2
+        correlation = np.fft.irfft(power)[: len(own) // 2]
+        correlation = correlation[1:] / max(correlation[0], 1e-300)
+        negative = np.flatnonzero(correlation < 0.0)
+        end = negative[0] if len(negative) else len(correlation)
+        total += len(own) / (1.0 + 2.0 * float(np.sum(correlation[:end])))
+    return total
+
+
+def _other_shape(effect: Effect, one: Array, other: Array) -> bool:
+    """Whether two parameter vectors differ enough in what no linear regression can tell."""
+    ratio = [max(abs(one[i]), abs(other[i])) > OTHER * min(abs(one[i]), abs(other[i])) for i in effect.shapes]
+    return any(ratio)
 
 
 def _regress(
-    problem: Problem, base: Fitted, residual: Array, noise: Array, hypothesis: Hypothesis, values: Array, searched: int
-) -> Start:
-    effect = hypothesis.effect
-    total = base.total
-    count = residual.size
-    gain = lambda decrease: -count * np.log(max(1.0 - decrease / total, 1e-12))  # noqa: E731
-    if not effect.amplitudes:
-        trial = extend(problem, base.point, hypothesis, values)
-        error = errors(problem, [trial])[0]
-        if not problem.credible(error):
-            return Start(hypothesis, values, -np.inf, searched)
-        whitened = base.whitener(error) * noise
-        _, decrease = project(base.jacobian, whitened)
-        return Start(hypothesis, values, gain(float(residual @ residual - whitened @ whitened) + decrease), searched)
+    problem: Problem,
+    views: Sequence[Fitted],
+    hypothesis: Hypothesis,
+    values: Array,
+    searched: int,
+) -> list[Start]:
+    """The start that each view proposes, amplitudes scaled by linear regression."""
+    effect, base = hypothesis.effect, views[0]
     trials, slots = [], []
-    for a in effect.amplitudes:
-        logs = list(range(problem.logs)) if a in PER_LOG.get(effect.name, ()) else [hypothesis.log]
+    for a in effect.amplitudes or (-1,):
         single = values.copy()
         for other in effect.amplitudes:
             if other != a:
                 single[:, other] = 0.0
         trials.append(extend(problem, base.point, hypothesis, single))
-        slots.append((a, logs))
+        slots.append((a, list(range(problem.logs)) if a in PER_LOG.get(effect.name, ()) else [hypothesis.log]))
     difference = errors(problem, trials) - base.error
+    if not problem.credible(base.error + difference[0]):
+        return [Start(hypothesis, values, -np.inf, searched) for _ in views]
     columns, owners = [], []
     for d, (a, logs) in zip(difference, slots, strict=True):
         for log in logs:
@@ -147,35 +196,34 @@ def _regress(
                 part[window] = d[window]
             columns.append(part)
             owners.append((a, log))
-    sensitivity = base.whitener(np.stack(columns)) * noise
-    coefficients, decrease = project(np.vstack([base.jacobian, sensitivity]), -residual)
-    adjusted = values.copy()
-    for (a, log), c in zip(owners, coefficients[len(base.jacobian) :], strict=True):
-        rows = slice(None) if log < 0 else log
-        begin = values[rows, a]
-        factor = np.clip(c, -50.0, 50.0)
-        if effect.parameters[a].lower == 0.0 and factor <= 0.0:
-            factor, decrease = 0.02, 0.3 * decrease
-        adjusted[rows, a] = begin * factor
-    return Start(hypothesis, adjusted, gain(decrease), searched)
+    stacked = np.stack(columns)
+    starts = []
+    for view in views:
+        noise = weights(view.innovation, problem.joints)
+        residual, sensitivity = view.innovation * noise, view.whitener(stacked) * noise
+        adjusted = values.copy()
+        if effect.amplitudes:
+            basis = np.vstack([view.jacobian, sensitivity])
+            coefficients = project(basis, -residual)[0]
+            left = residual + coefficients @ basis
+            for (a, log), c in zip(owners, coefficients[len(view.jacobian) :], strict=True):
+                rows = slice(None) if log < 0 else log
+                factor = np.clip(c, -50.0, 50.0)
+                if effect.parameters[a].lower == 0.0 and factor <= 0.0:
+                    factor, left = 0.02, 0.3 * left + 0.7 * residual
+                scaled = values[rows, a] * factor
+                adjusted[rows, a] = np.clip(scaled, effect.parameters[a].lower, 0.9 * effect.parameters[a].upper)
+        else:
+            changed = residual + sensitivity[0]
+            left = changed - project(view.jacobian, changed)[0] @ view.jacobian
+        starts.append(Start(hypothesis, adjusted, _promise(problem, view, left), searched))
+    return starts
 
 
-def variants(problem: Problem, point: Point, start: Start) -> list[Point]:
-    """Where a hypothesis that is linear in none of its parameters may begin.
-
-    Where a share r of the inertia hangs behind a spring or a play, the nominal model has often found the share before
-    it only: the whole is then 1 / (1 - r) times as much.
-    """
-    effect, j = start.hypothesis.effect, start.hypothesis.joint
-    found = []
-    for values in (start.values, *start.others):
-        plain = extend(problem, point, start.hypothesis, values)
-        found.append(plain)
-        if "inertia_ratio" in (names := [p.name for p in effect.parameters]):
-            heavier = extend(problem, point, start.hypothesis, values)
-            heavier.parameters[:, j, NOMINAL.index("inertia")] /= 1.0 - values[0, names.index("inertia_ratio")]
-            found.append(heavier)
-    return found
+def _promise(problem: Problem, view: Fitted, left: Array) -> float:
+    """Decrease of -2 log likelihood that residuals (N n,) in units of the view's rms stand for."""
+    count = left.size if view.filtered else effective_samples(left, problem.joints)
+    return float(-count * np.log(max(1.0 - (left.size - float(left @ left)) / view.total, 1e-12)))
 
 
 # ---------------------------------------------------------------------------------------------------------------- scans
@@ -320,8 +368,9 @@ def _scan_events(
                 power = float(np.sum(np.convolve(tool.response, np.ones(width)) ** 2))
                 score = matched**2 / max(power * tool.variance, 1e-300)
                 index = int(np.argmax(score))
-                values = np.tile([0.05 * size.torque_rms, time[index], seconds], (problem.logs, 1))
+                values = np.tile([0.05 * size.torque_rms, time[index], seconds, 0.3], (problem.logs, 1))
                 found.append((score[index], Hypothesis(effect, joint, log), values, 4 * searched))
+                found.append((score[index], Hypothesis(effect, joint), values, 4 * searched))
         else:
             acceleration = smooth_derivatives(time, problem.reading[a:b, joint : joint + 1], 0.02)[2][:, 0] * usable
             filtered = fftconvolve(acceleration, tool.response)[: b - a]
@@ -337,10 +386,9 @@ def _scan_events(
             index = int(np.argmax(score))
             values = np.tile([0.05 * size.inertia, time[index]], (problem.logs, 1))
             found.append((score[index], Hypothesis(effect, joint, log), values, searched))
-            if log == 0:
-                found.append((score[index], Hypothesis(effect, joint), values, searched))
+            found.append((score[index], Hypothesis(effect, joint), values, searched))
     found.sort(key=lambda item: -item[0])
-    return [item[1:] for item in found[:4]]
+    return [item[1:] for item in found[:6]]
 
 
 def _peaks(score: Array, count: int, spacing: int) -> list[int]:

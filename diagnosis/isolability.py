@@ -59,8 +59,9 @@ def isolability(
     part, ratio = stretch(problem, STRETCH)
     base = on_stretch(part, finding.final)
     command = float(np.sqrt(np.mean(part.command[part.used, j] ** 2)))
-    named = {item.name for item in finding.accepted if item.joint == j}
-    candidates = [effect for effect in effects if effect.name not in named and not effect.after]
+    named = {item.label for item in finding.accepted if item.joint == j}
+    effects = [effect for effect in effects if not effect.kind]
+    candidates = [effect for effect in effects if effect.name not in named]
     found = responses(part, base, candidates, j)
     count = finding.final.samples
     rows: list[Isolability] = []
@@ -155,7 +156,7 @@ def shapes(effect: Effect, size: Scales) -> list[tuple[float, ...]]:
         return [(amplitude, amplitude, periods * 2 * np.pi / max(size.position_span, 1e-12)) for periods in (4.0, 16.0)]
     if effect.scan == "event":
         middle = 0.4 * size.duration
-        return [(torque, middle, 0.1)] if effect.size == 3 else [(0.02 * size.inertia, middle)]
+        return [(torque, middle, 0.1, 0.3)] if effect.name == "collision" else [(0.02 * size.inertia, middle)]
     every = list(effect.starts(size)) if effect.starts is not None else []
     return every[:: max(1, -(-len(every) // SHAPES))][:SHAPES]
 

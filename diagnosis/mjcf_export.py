@@ -253,8 +253,9 @@ def _stribeck(item: _Joint, p: Values) -> bool:
 
 
 def _presliding(item: _Joint, p: Values) -> bool:
-    stiffness, torque = item.torque(1.0 / p["compliance"]), item.torque(p["torque"])
-    damping = 2.0 * p["damping_ratio"] * math.sqrt(stiffness * item.inertia)
+    torque = item.torque(p["torque"])
+    stiffness = torque / p["deflection"]
+    damping = stiffness * p["damping_time"]
     return _bristles(item, f"{item.name}_bristle", [stiffness, damping, torque, torque, 1.0])
 
 
@@ -334,7 +335,9 @@ def _flexible(item: _Joint, p: Values) -> bool:
     if item.body.bodies or item.body.parent.name != "world":
         return False
     between = _split(item, p["inertia_ratio"])
-    between.stiffness[0], between.damping[0] = item.torque(1.0 / p["compliance"]), item.torque(p["damping"])
+    angular = 2.0 * math.pi * p["frequency"]
+    load = item.inertia * p["inertia_ratio"]
+    between.stiffness[0], between.damping[0] = load * angular**2, 2.0 * p["damping_ratio"] * load * angular
     return True
 
 
@@ -344,8 +347,8 @@ def _play(item: _Joint, p: Values) -> bool:
     ratio = p["inertia_ratio"]
     between = _split(item, ratio)
     reduced = item.inertia * ratio * (1.0 - ratio)
-    stiffness = item.torque(1.0 / p["compliance"])
-    damping = 0.6 * math.sqrt(stiffness * reduced)
+    angular = 2.0 * math.pi * p["frequency"]
+    stiffness, damping = item.inertia * ratio * angular**2, 0.6 * item.inertia * ratio * angular
     between.limited = mujoco.mjtLimited.mjLIMITED_TRUE
     between.range = [-0.5 * p["gap"], 0.5 * p["gap"]]
     # accelerations, hence per inertia; the impedance enters squared

@@ -80,14 +80,9 @@ def _wave(amplitude: str, dimension: Dimension, *others: tuple[str, Dimension]) 
     return Canonical({amplitude: dimension, **dict(others), "phase": "angle"}, change)
 
 
-def _stiff(stiffness: str, **others: Dimension) -> Canonical:
-    """compliance -> stiffness; compliances are torques per position upside down."""
-
-    def change(p: Values) -> Values:
-        values = {name: p[name] for name in others}
-        return {**values, stiffness: 1.0 / max(p["compliance"], 1e-30)}
-
-    return Canonical({**others, stiffness: "torque per position"}, change)
+def _stiffness(p: Values) -> float:
+    """J r w^2 of a load that is a share r of the inertia J, w its angular frequency while the motor stands still."""
+    return p[INERTIA] * p["inertia_ratio"] * (2.0 * math.pi * p["frequency"]) ** 2
 
 
 CANONICAL: dict[str, Canonical] = {
@@ -96,14 +91,24 @@ CANONICAL: dict[str, Canonical] = {
     "gravity_tilt": _wave("torque", "torque"),
     "periodic_disturbance": _wave("torque", "torque", ("frequency", "frequency")),
     "encoder_eccentricity": _wave("amplitude", "position"),
-    "joint_flexibility": _stiff("stiffness", damping="torque per velocity", inertia_ratio="ratio"),
-    "backlash": _stiff("contact_stiffness", gap="position", inertia_ratio="ratio"),
+    "joint_flexibility": Canonical(
+        {"stiffness": "torque per position", "damping": "torque per velocity", "inertia_ratio": "ratio"},
+        lambda p: {
+            "stiffness": _stiffness(p),
+            "damping": 2.0 * p["damping_ratio"] * _stiffness(p) / (2.0 * math.pi * p["frequency"]),
+            "inertia_ratio": p["inertia_ratio"],
+        },
+    ),
+    "backlash": Canonical(
+        {"gap": "position", "inertia_ratio": "ratio", "contact_stiffness": "torque per position"},
+        lambda p: {"gap": p["gap"], "inertia_ratio": p["inertia_ratio"], "contact_stiffness": _stiffness(p)},
+    ),
     "presliding_friction": Canonical(
         {"torque": "torque", "stiffness": "torque per position", "damping": "torque per velocity"},
         lambda p: {
             "torque": p["torque"],
-            "stiffness": 1.0 / p["compliance"],
-            "damping": 2.0 * p["damping_ratio"] * math.sqrt(p[INERTIA] / p["compliance"]),
+            "stiffness": p["torque"] / p["deflection"],
+            "damping": p["torque"] / p["deflection"] * p["damping_time"],
         },
     ),
     "stribeck_friction": Canonical(
@@ -222,29 +227,34 @@ NOMINAL_DIMENSIONS: dict[str, Dimension] = {
 }
 
 
+PARTS: dict[str, tuple[str, ...]] = {
+    "inertia": ("inertia",),
+    "damping": ("viscous", "back_emf"),
+    **{name: (name,) for name in NOMINAL[3:7]},
+}
+"""Nominal parameters as they are reported; command and angle determine the damping as a whole."""
+
+
 def nominal_parameters(
     nominal: Fitted, final: Fitted, spreads: tuple[Array, Array], j: int, joint: JointUnits, given: Mapping[str, float]
 ) -> tuple[NominalParameter, ...]:
     """Nominal parameters of joint index j before and after the effects, input-equivalent; damping is one number."""
     found = []
-    for name in NOMINAL[:7]:
-        before, after = (_estimate(f, s, name, j, joint) for f, s in zip((nominal, final), spreads, strict=True))
+    for title, parts in PARTS.items():
+        before, after = (_estimate(f, s, parts, j, joint) for f, s in zip((nominal, final), spreads, strict=True))
         if before is None and after is None:
             continue
-        none = Estimate(0.0, 0.0, units(NOMINAL_DIMENSIONS[name], joint)[1])
-        title = "damping" if name in ("viscous", "back_emf") else name
+        none = Estimate(0.0, 0.0, units(NOMINAL_DIMENSIONS[parts[0]], joint)[1])
         found.append(NominalParameter(title, none.unit, given.get(title), before or none, after or none))
     return tuple(found)
 
 
-def _estimate(fitted: Fitted, spread: Array, name: str, j: int, joint: JointUnits) -> Estimate | None:
-    """A free nominal parameter; the free part of the damping stands for all of it."""
+def _estimate(fitted: Fitted, spread: Array, parts: tuple[str, ...], j: int, joint: JointUnits) -> Estimate | None:
+    """Sum of nominal parameters, some of which are free."""
     names = [f.name for f in fitted.point.free]
-    if f"{name}@{j}" not in names:
+    own = [names.index(f"{name}@{j}") for name in parts if f"{name}@{j}" in names]
+    if not own:
         return None
-    i = names.index(f"{name}@{j}")
-    value = float(fitted.point.vector[i])
-    if name in ("viscous", "back_emf"):
-        value = float(fitted.point.parameters[0, j, NOMINAL.index("viscous")])
-        value += float(fitted.point.parameters[0, j, NOMINAL.index("back_emf")])
-    return Estimate(value, float(np.sqrt(max(spread[i, i], 0.0))), units(NOMINAL_DIMENSIONS[name], joint)[1])
+    value = float(sum(fitted.point.parameters[0, j, NOMINAL.index(name)] for name in parts))
+    variance = float(np.sum(spread[np.ix_(own, own)]))
+    return Estimate(value, float(np.sqrt(max(variance, 0.0))), units(NOMINAL_DIMENSIONS[parts[0]], joint)[1])

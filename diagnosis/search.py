@@ -7,26 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point, errors, fit, weights
-from diagnosis.hypotheses import Start, extend, proposals, sizes_of, variants
-from diagnosis.problem import Problem, beginning, in_band
-from diagnosis.remainder import remainder
+from diagnosis.estimation import Fitted, Point, errors, fit, plain, weights
+from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of
+from diagnosis.problem import Problem
 from envs.log import Array
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL
 
+CARRIED = 3
+"""Fits to the unfiltered errors that are carried on to the filtered ones; twice as many converge before."""
+MOVES = 6
+"""Moves of an event's instant, each by up to 256 samples."""
+WORTH = 0.3
+"""Least share of the best first fit's decrease for that."""
 NEAR = 0.9
 """Share of the best decrease above which a hypothesis counts as its near equal."""
-
-
-NOTHING = 20.0
-"""Excess of a remainder that is put down to inexact laws and integrators."""
-STILL = 0.01
-"""Unlogged torque, as a share of the motor's, that is put down to noise of the amplifier."""
-CARRIED = 2
-"""Fits in the narrow band that are carried on in the whole band."""
-SCREENED = 15_000
-"""Samples on which starting values are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,42 +77,51 @@ def try_all(
     refine: int = 7,
     finals: int = 3,
     needed: float = -np.inf,
-    restarts: bool = True,
 ) -> list[Scored]:
     """Every hypothesis on top of a base model, best first; only the promising ones are refined.
 
-    `needed`: linear prediction of the evidence below which a hypothesis is not refined. `restarts`: whether the effects
-    that are linear in none of their parameters take part, which need many fits.
+    `needed`: linear prediction of the evidence below which a hypothesis is not refined.
     """
     base = _with_reference(problem, base)
-    linear = [(effect, j) for effect, j in effects if effect.amplitudes or effect.starts is None]
-    starts = proposals(problem, base, linear, sizes_of(problem, base))
-    starts = [start for start in starts if start.promise - price(problem, start, base.samples) >= needed]
-    rough = []
-    known = base.jacobian / weights(base.innovation, problem.joints)
-    for start in starts[:refine]:
-        point = extend(problem, base.point, start.hypothesis, start.values)
-        fits = [fit(problem, point, base.whitener, rounds=1, iterations=3, tolerance=1e-3, known=known)]
+    views = [base, plain(problem, base)]
+    lists = proposals(problem, views, effects, sizes_of(problem, base))
+    own, bare = (
+        [s for s in starts if s.promise - price(problem, s, base.samples) >= needed][:refine] for starts in lists
+    )
+    rough = [(start, fitted) for start in own for fitted in roughly(problem, views[0], start)]
+    rough += further(problem, views[1], bare)
+    for start in {s.hypothesis.key: s for s in [*bare, *own]}.values():
         if (other := exchanged(problem, base.point, start)) is not None:
-            fits.append(fit(problem, other, rounds=2, iterations=8))
-        cost = price(problem, start, base.samples)
-        rough += [Scored(start, fitted, base.criterion - fitted.criterion, cost) for fitted in fits]
-    ranked = _converged(problem, base, rough, finals)
-    best = ranked[0].fitted if ranked and ranked[0].evidence > 0.0 else base
-    rest = [item for item in effects if item not in linear]
-    if not rest or not restarts or leaves_nothing(problem, best):
-        return ranked
-    further = [
+            rough.append((start, fit(problem, other, rounds=2, iterations=8)))
+    every = [
         Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples))
-        for start, fitted in nonlinear(problem, base, rest)
+        for start, fitted in rough
     ]
-    return _converged(problem, base, [*ranked, *further], finals)
+    return _converged(problem, base, every, finals)
 
 
-def leaves_nothing(problem: Problem, fitted: Fitted) -> bool:
-    """True where no signal and no unlogged torque accounts for the errors: there is nothing left to search for."""
-    left = [remainder(problem, fitted, j) for j in range(problem.joints)]
-    return all(r.excess <= NOTHING and r.disturbance_share <= STILL for r in left)
+def roughly(problem: Problem, view: Fitted, start: Start, *, renewed: bool = True) -> list[Fitted]:
+    """First fits of a hypothesis from each of its starting values, with the view's filter; its sensitivities stay."""
+    known = view.jacobian / weights(view.innovation, problem.joints)
+    points = [extend(problem, view.point, start.hypothesis, values) for values in (start.values, *start.others)]
+    return [
+        fit(problem, p, view.whitener, rounds=1, iterations=3, tolerance=1e-3, known=known, renewed=renewed)
+        for p in points
+    ]
+
+
+def further(problem: Problem, view: Fitted, starts: Sequence[Start]) -> list[tuple[Start, Fitted]]:
+    """Fits to the errors as they are, the best of them carried on with a filter of their own."""
+    found = [(start, fitted) for start in starts for fitted in roughly(problem, view, start, renewed=False)]
+    found.sort(key=lambda item: item[1].criterion)
+    limit = view.criterion - WORTH * (view.criterion - found[0][1].criterion) if found else 0.0
+    converged = [
+        (start, fit(problem, fitted.point, view.whitener, rounds=1, iterations=10, renewed=False))
+        for start, fitted in found[: 2 * CARRIED]
+        if fitted.criterion < limit
+    ]
+    converged.sort(key=lambda item: item[1].criterion)
+    return [(start, fit(problem, fitted.point, rounds=1, iterations=4)) for start, fitted in converged[:CARRIED]]
 
 
 def _converged(problem: Problem, base: Fitted, rough: Sequence[Scored], finals: int) -> list[Scored]:
@@ -139,36 +143,6 @@ def _converged(problem: Problem, base: Fitted, rough: Sequence[Scored], finals: 
     return list(best.values())
 
 
-def nonlinear(problem: Problem, base: Fitted, candidates: Sequence[tuple[Effect, int]]) -> list[tuple[Start, Fitted]]:
-    """First fits of the effects that are linear in none of their parameters, from several starting values each.
-
-    In the whole band of the encoder their likelihood has many local optima, in the band of the motion few: there they
-    are fitted first.
-    """
-    if not candidates:
-        return []
-    narrow = in_band(beginning(problem, SCREENED))
-    banded = fit(narrow, base.point, rounds=3, iterations=8)
-    found = []
-    for start in proposals(narrow, banded, candidates, sizes_of(narrow, banded)):
-        first = [
-            fit(narrow, point, banded.whitener, rounds=1, iterations=4, tolerance=1e-3)
-            for point in variants(narrow, banded.point, start)
-            if narrow.credible(errors(narrow, [point])[0])
-        ]
-        if not first:
-            continue
-        first.sort(key=lambda fitted: fitted.criterion)
-        whole = [
-            fit(problem, fitted.point, rounds=2, iterations=5)
-            for fitted in first[:CARRIED]
-            if banded.criterion - fitted.criterion > price(narrow, start, banded.samples)
-        ]
-        if whole:
-            found.append((start, min(whole, key=lambda fitted: fitted.criterion)))
-    return found
-
-
 def exchanged(problem: Problem, point: Point, start: Start) -> Point | None:
     """The hypothesis with the value of the nominal parameter that has stood in for it, which falls back to its own.
 
@@ -188,10 +162,33 @@ def exchanged(problem: Problem, point: Point, start: Start) -> Point | None:
 
 def polish(problem: Problem, base: Fitted, scored: Scored) -> Scored:
     """The same hypothesis fitted until it has converged."""
-    fitted = fit(problem, scored.fitted.point, rounds=2, iterations=12)
+    hypothesis = scored.start.hypothesis
+    fitted = scored.fitted
+    if hypothesis.effect.scan == "event":
+        fitted = retimed(problem, fitted, hypothesis)
+    fitted = fit(problem, fitted.point, rounds=2, iterations=12)
     if fitted.criterion > scored.fitted.criterion:
         return scored
     return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
+
+
+def retimed(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
+    """The fit with the instant of an event moved to where the innovations are smallest: between samples no derivative
+    tells where that is."""
+    effect, j = hypothesis.effect, hypothesis.joint
+    column = problem.kernel.offsets[effect.name] + [p.name for p in effect.parameters].index("time")
+    for _ in range(MOVES):
+        points = []
+        for samples in (0, *(sign * 2**k for k in range(9) for sign in (1, -1))):
+            parameters = fitted.point.parameters.copy()
+            parameters[:, j, column] += samples * problem.sample_time
+            points.append(replace(fitted.point, parameters=parameters))
+        sums = [float(np.sum(fitted.whitener(e) ** 2)) for e in errors(problem, points)]
+        best = int(np.argmin(sums))
+        if best == 0:
+            break
+        fitted = fit(problem, points[best], fitted.whitener, rounds=1, iterations=4)
+    return fitted
 
 
 def _with_reference(problem: Problem, base: Fitted) -> Fitted:

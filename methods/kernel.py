@@ -62,9 +62,11 @@ STRUCTURAL = {
     "input_delay": "DELAY",
     "thermal_drift": "THERMAL",
     "joint_flexibility": "FLEX",
+    "joint_flexibility_load_side": "FLEX_LOAD",
     "backlash": "PLAY",
     "presliding_friction": "BRISTLE",
     "payload_change": "PAYLOAD",
+    "payload_change_at_rest": "GRASP",
 }
 """Effects that need states or time shifts of their own and are therefore written in the template below."""
 
@@ -264,26 +266,58 @@ def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
 
 
 @njit(cache=True, inline='always', error_model='numpy')
+def _load_side(on):
+    """Whether the encoder sits behind the spring."""
+    return FLEX_LOAD >= 0 and on[FLEX_LOAD]
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _flexible(on):
+    """Whether the transmission is a spring."""
+    return (FLEX >= 0 and on[FLEX]) or _load_side(on)
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _payload(t, p, on):
+    """Inertia that has been picked up by time t."""
+    added = 0.0
+    if PAYLOAD >= 0 and on[PAYLOAD] and t >= p[PAYLOAD_P + 1]:
+        added += p[PAYLOAD_P]
+    if GRASP >= 0 and on[GRASP] and t >= p[GRASP_P + 1]:
+        added += p[GRASP_P]
+    return added
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _grasp(t, h, dq, p, on):
+    """Velocity at the beginning of a step of h: a load that rested is picked up with the momentum conserved."""
+    if GRASP >= 0 and on[GRASP] and t - h < p[GRASP_P + 1] <= t:
+        return dq * p[INERTIA] / (p[INERTIA] + p[GRASP_P])
+    return dq
+
+
+@njit(cache=True, inline='always', error_model='numpy')
 def _joined(t, q, dq, ql, dql, rhs, p, on):
     """Accelerations of motor side and load side under the net torque rhs: (q'', q_l'', torque between the sides)."""
-    inertia = p[INERTIA]
-    if PAYLOAD >= 0 and on[PAYLOAD] and t >= p[PAYLOAD_P + 1]:
-        inertia += p[PAYLOAD_P]
-    if FLEX >= 0 and on[FLEX]:
-        F = (q - ql) / max(p[FLEX_P], 1e-12) + p[FLEX_P + 1] * (dq - dql)
-        return (rhs - F) / (inertia * (1.0 - p[FLEX_P + 2])), F / (inertia * p[FLEX_P + 2]), F
+    inertia = p[INERTIA] + _payload(t, p, on)
+    if _flexible(on):
+        first = FLEX_LOAD_P if _load_side(on) else FLEX_P
+        share, omega = p[first], 2.0 * math.pi * p[first + 1]
+        al = omega * (omega * (q - ql) + 2.0 * p[first + 2] * (dq - dql))
+        F = inertia * share * al
+        return (rhs - F) / (inertia * (1.0 - share)), al, F
     if PLAY >= 0 and on[PLAY]:
         d = q - ql
         half = 0.5 * p[PLAY_P]
-        F = 0.0
+        al = 0.0
         share = p[PLAY_P + 1]
         if abs(d) > half:
-            stiffness = 1.0 / max(p[PLAY_P + 2], 1e-12)
-            damping = 0.6 * math.sqrt(stiffness * inertia * share * (1.0 - share))
-            F = stiffness * (d - math.copysign(half, d)) + damping * (dq - dql)
-            if F * d < 0.0:
-                F = 0.0
-        return (rhs - F) / (inertia * (1.0 - share)), F / (inertia * share), F
+            omega = 2.0 * math.pi * p[PLAY_P + 2]
+            al = omega * (omega * (d - math.copysign(half, d)) + 0.6 * (dq - dql))
+            if al * d < 0.0:
+                al = 0.0
+        F = inertia * share * al
+        return (rhs - F) / (inertia * (1.0 - share)), al, F
     a = rhs / inertia
     return a, a, 0.0
 
@@ -294,7 +328,7 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
     for j in range(n):
         p = P[j]
         q, dq = S[j, Q], S[j, DQ]
-        split = (FLEX >= 0 and on[j, FLEX]) or (PLAY >= 0 and on[j, PLAY])
+        split = _flexible(on[j]) or (PLAY >= 0 and on[j, PLAY])
         w, D[j, W], D[j, HEAT], r, level[j] = _chain(
             t, q, dq, S[j, W], S[j, HEAT], S[j, QL] if split else q, u[j], x[j], p, on[j], has[j],
             bristle[j] + extra[j], pair and j < 2)
@@ -312,12 +346,10 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
             D[j, Q] = 0.0
     if pair:
         p1, p2, p3, s, own = P[0, INERTIA], rigid[2], rigid[0], rigid[1], P[1, INERTIA] / rigid[1]
-        if PAYLOAD >= 0:
-            if on[0, PAYLOAD] and t >= P[0, PAYLOAD_P + 1]:
-                p1 += P[0, PAYLOAD_P]
-            if on[1, PAYLOAD] and t >= P[1, PAYLOAD_P + 1]:
-                p2 += P[1, PAYLOAD_P] / s
-                own += P[1, PAYLOAD_P] / s
+        p1 += _payload(t, P[0], on[0])
+        added = _payload(t, P[1], on[1]) / s
+        p2 += added
+        own += added
         q1, q2, d1, d2 = S[0, Q], S[1, Q], S[0, DQ], S[1, DQ]
         c, z = math.cos(q2), math.sin(q2)
         g2 = P[1, GRAVITY_SINE] * math.sin(q1 + q2) + P[1, GRAVITY_COSINE] * math.cos(q1 + q2)
@@ -390,16 +422,15 @@ def _low_pass(v, state, h, time_constant):
 @njit(cache=True, inline='always', error_model='numpy')
 def _bristle(z, dq, h, p):
     """Exact flow of the bristle at constant velocity: (mean torque over the step, deflection at the end)."""
-    stiffness = 1.0 / max(p[BRISTLE_P + 1], 1e-12)
-    top = p[BRISTLE_P] / stiffness
-    if top <= 0.0 or dq == 0.0:
+    top = max(p[BRISTLE_P + 1], 1e-12)
+    stiffness = p[BRISTLE_P] / top
+    if dq == 0.0:
         return stiffness * z, z
     final = math.copysign(top, dq)
     rate = abs(dq) * h / top
     change = (final - z) * (1.0 - math.exp(-rate))
     mean = final + (z - final) * (1.0 - math.exp(-rate)) / rate
-    damping = 2.0 * p[BRISTLE_P + 2] * math.sqrt(stiffness * p[INERTIA])
-    return stiffness * mean + damping * change / h, z + change
+    return stiffness * (mean + p[BRISTLE_P + 2] * change / h), z + change
 
 
 @njit(cache=True, error_model='numpy')
@@ -459,7 +490,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     t0 = t[0]
     for k in range(first, last):
         for j in range(n):
-            e = y[k, j] - _reading(S[j, Q], P[j], on[j])
+            e = y[k, j] - _reading(S[j, QL] if _load_side(on[j]) else S[j, Q], P[j], on[j])
             out[k, j] = e
             if keep:
                 motion[k, j, 0] = S[j, Q]; motion[k, j, 1] = S[j, DQ]; motion[k, j, 2] = S[j, W]
@@ -484,6 +515,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             now = t[k] - t0 + i * h
             for j in range(n):
                 p = P[j]
+                S[j, DQ] = _grasp(now, h, S[j, DQ], p, on[j])
                 v = _amplifier(k, i, substeps, dt, hold[j], u[:, j], cumulative[:, j], p, on[j])
                 if has[j, 0]:
                     v = _command(v, now, S[j, Q], S[j, DQ], S[j, W], p, on[j])
@@ -562,7 +594,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
 @njit(cache=True, inline='always', error_model='numpy')
 def _rates_one(t, q, dq, w, heat, ql, dql, u, x, sign, stuck, p, on, has, load):
     """Scalar twin of _rates for one joint: (w, w', heat', q'', q_l'', torque less dry friction, level)."""
-    split = (FLEX >= 0 and on[FLEX]) or (PLAY >= 0 and on[PLAY])
+    split = _flexible(on) or (PLAY >= 0 and on[PLAY])
     w, change, heating, r, level = _chain(t, q, dq, w, heat, ql if split else q, u, x, p, on, has, load, False)
     rhs = r - sign * level
     a, al, F = _joined(t, q, dq, ql, dql, rhs, p, on)
@@ -579,12 +611,12 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, p, on, leak, rate_lea
     has = np.zeros(4, dtype=np.bool_)
     _present(on, has)
     q, dq, w, lag, heat, ql, dql, z = start[0], start[1], start[2], u[0], 0.0, start[0], start[1], 0.0
-    split = (FLEX >= 0 and on[FLEX]) or (PLAY >= 0 and on[PLAY])
+    split = _flexible(on) or (PLAY >= 0 and on[PLAY])
     with_x, with_extra = x.shape[0] == T, extra_in.shape[0] == T
     none = np.zeros(3)
     t0 = t[0]
     for k in range(T):
-        e = y[k] - _reading(q, p, on)
+        e = y[k] - _reading(ql if _load_side(on) else q, p, on)
         out[k] = e
         if k == T - 1:
             break
@@ -601,6 +633,7 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, p, on, leak, rate_lea
         h = dt / substeps
         for i in range(substeps):
             begin = t[k] - t0 + i * h
+            dq = _grasp(begin, h, dq, p, on)
             v = _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on)
             if has[0]:
                 v = _command(v, begin, q, dq, w, p, on)

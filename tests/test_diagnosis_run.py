@@ -352,7 +352,7 @@ def excitation(samples: int) -> tuple[Array, Array]:
 IN_MUJOCO = {
     "coulomb_friction": {"torque": 0.1},
     "stribeck_friction": {"torque": 0.1, "excess": 0.05, "velocity": 0.2, "exponent": 2.0},
-    "presliding_friction": {"torque": 0.1, "compliance": 0.005, "damping_ratio": 0.1},
+    "presliding_friction": {"torque": 0.1, "deflection": 5e-4, "damping_time": 0.003},
     "quadratic_drag": {"coefficient": 0.05},
     "cable_spring": {"stiffness": 0.3, "pull": 0.1},
     "gravity_tilt": {"sine": 0.1, "cosine": 0.2},
@@ -360,7 +360,7 @@ IN_MUJOCO = {
     "amplifier_offset": {"voltage": 0.1},
     "voltage_saturation": {"voltage": 1.0},
     "input_delay": {"delay": 0.0043},
-    "joint_flexibility": {"compliance": 0.2, "damping": 0.02, "inertia_ratio": 0.5},
+    "joint_flexibility": {"inertia_ratio": 0.5, "frequency": 1.9, "damping_ratio": 0.02},
 }
 
 

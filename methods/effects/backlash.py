@@ -1,23 +1,18 @@
 """Backlash: motor and load are joined through a play; the encoder sits on the motor.
 
-Inside the play no force acts; beyond it a stiff, damped contact does. With a gap of zero the pair is nearly rigid.
+Inside the play no force acts; beyond it a stiff contact does, with the frequency of the load on it and a damping ratio
+of 0.3 (see `joint_flexibility` for the equations). With no inertia behind the play it has no effect.
 
 Source: M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash: a survey, Automatica 38 (2002).
 """
 
-import math
-
-from methods.effects.base import Effect, EffectParameter
+from methods.effects.base import Effect, EffectParameter, geometric, grid
 
 
 def starts(s):
-    """Gaps relative to the motion, contact resonances well above the motion, load shares."""
-    found = []
-    for gap in (3e-4, 1e-3, 4e-3, 1.5e-2):
-        hertz = min(30.0, 0.1 / s.sample_time)
-        compliance = 1.0 / ((2 * math.pi * hertz) ** 2 * s.inertia * 0.25)
-        found.append((gap * s.position_span, 0.5, compliance))
-    return found
+    """Gaps relative to the motion, contacts well above the motion."""
+    gaps = geometric(max(2.0 * s.encoder_step, 1e-4 * s.position_span), 0.1 * s.position_span, 2.5)
+    return grid(gaps, (0.15, 0.5), (min(30.0, 0.1 / s.sample_time),))
 
 
 EFFECT = Effect(
@@ -26,14 +21,16 @@ EFFECT = Effect(
     slot="structure",
     parameters=(
         EffectParameter("gap", "position", "total width of the play", lower=0.0),
-        EffectParameter("inertia_ratio", "ratio", "share of the inertia behind the play", lower=0.02, upper=0.98),
-        EffectParameter("compliance", "position", "wind-up of the contact per input-equivalent torque", lower=0.0),
+        EffectParameter("inertia_ratio", "ratio", "share of the inertia behind the play", lower=0.0, upper=0.98),
+        EffectParameter("frequency", "frequency", "of the load on the contact, the motor standing still", lower=1e-3),
     ),
     equation=r"F = K\,(\delta - \mathrm{clip}(\delta, \pm b/2)),\ \delta = q - q_l",
     variable="direction",
     source="Nordin and Gutman 2002",
-    amplitudes=(),
+    amplitudes=(1,),
     starts=starts,
+    tries=3,
+    excludes=("joint_flexibility", "joint_flexibility_load_side"),
     substeps=4,
     expected_failures=(
         (

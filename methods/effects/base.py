@@ -23,6 +23,8 @@ in the order of the declaration, ``x`` = (acceleration, velocity, command) of th
 
 from __future__ import annotations
 
+import dis
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
@@ -85,6 +87,8 @@ class Scales:
     joints: int = 1
 
 
+MOTOR_TORQUE = {"command": 4, "torque": 3, "friction": 3}
+"""Place of the motor torque among the arguments of a slot's function."""
 Starts = Callable[[Scales], Iterable[tuple[float, ...]]]
 
 
@@ -101,6 +105,9 @@ class Effect:
         for the first parameter, or nothing. substeps: integration steps per sample.
     resolved: whether parameters (size,) describe something that logs of these scales can show at all, where that has to
         be asked: a deflection far below the encoder's step is an integrator's, not a spring's.
+    tries: starting values, each of another shape, from which it is fitted before it is compared with others.
+    excludes: names of effects that cannot be in the same joint.
+    drives: whether the motor torque enters its law, which a function of its own shows by itself.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
         `kind` is the name they share, `after` the instance that has to be there first.
     expected_failures: conformance checks (`diagnosis.effect_checks`) that it fails by its nature, each with the reason.
@@ -121,6 +128,9 @@ class Effect:
     includes: tuple[str, ...] = ()
     exchanges: str = ""
     resolved: Callable[[Sequence[float], Scales], bool] | None = None
+    tries: int = 1
+    drives: bool = False
+    excludes: tuple[str, ...] = ()
     after: str = ""
     kind: str = ""
     expected_failures: tuple[tuple[str, str], ...] = ()
@@ -134,12 +144,36 @@ class Effect:
     def size(self) -> int:
         return len(self.parameters)
 
+    @property
+    def shapes(self) -> tuple[int, ...]:
+        """Indices of the parameters that are no amplitudes."""
+        return tuple(i for i in range(self.size) if i not in self.amplitudes)
+
+    @property
+    def has_motor_torque(self) -> bool:
+        """Whether the motor torque enters its law: mechanical damping and back-EMF then act differently."""
+        if self.drives or self.slot == "gain":
+            return True
+        if self.function is None or self.slot not in MOTOR_TORQUE:
+            return False
+        name = self.function.__code__.co_varnames[MOTOR_TORQUE[self.slot]]
+        used = (i.argval for i in dis.get_instructions(self.function) if i.opname.startswith("LOAD_FAST"))
+        return any(name == u or (isinstance(u, tuple) and name in u) for u in used)
+
 
 def instances(effect: Effect, count: int) -> tuple[Effect, ...]:
     """An effect that may occur up to `count` times, as effects of their own."""
     names = [effect.name, *(f"{effect.name}_{number}" for number in range(2, count + 1))]
     further = (replace(effect, name=name, after=before, kind=effect.name) for before, name in pairwise(names))
     return (effect, *further)
+
+
+def geometric(first: float, last: float, ratio: float) -> list[float]:
+    """Values from first to last, neighbours at most a factor `ratio` apart; the first alone where last is below it."""
+    if not last > first:
+        return [first]
+    count = 2 + int(math.log(last / first) / math.log(ratio))
+    return [first * (last / first) ** (i / (count - 1)) for i in range(count)]
 
 
 def grid(*axes: Iterable[float]) -> list[tuple[float, ...]]:

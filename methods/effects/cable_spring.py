@@ -25,4 +25,5 @@ EFFECT = Effect(
     amplitudes=(0, 1),
     starts=lambda s: [(0.02 * s.torque_rms / s.position_span, 0.01 * s.torque_rms)],
     function=torque,
+    includes=("amplifier_offset",),
 )

@@ -3,17 +3,17 @@
 Source: S. Haddadin, A. De Luca, A. Albu-Schaeffer, Robot collisions: a survey, IEEE T-RO 33 (2017).
 """
 
+import math
+
 from methods.effects.base import Effect, EffectParameter
 
 
 def torque(t, q, dq, w, x, p):
-    """torque for time <= t < time + duration, with edges softened over a tenth of the duration."""
+    """torque sin(pi (t - time) / duration)^shape while that is between its zeros."""
     since = (t - p[1]) / p[2]
-    if since <= -0.05 or since >= 1.05:
+    if since <= 0.0 or since >= 1.0:
         return 0.0
-    rise = min(1.0, (since + 0.05) / 0.1)
-    fall = min(1.0, (1.05 - since) / 0.1)
-    return p[0] * min(rise, fall)
+    return p[0] * math.sin(math.pi * since) ** p[3]
 
 
 EFFECT = Effect(
@@ -24,8 +24,9 @@ EFFECT = Effect(
         EffectParameter("torque", "torque", "height of the pulse"),
         EffectParameter("time", "time", "instant at which it begins"),
         EffectParameter("duration", "time", "length of the pulse", lower=1e-6),
+        EffectParameter("shape", "ratio", "1: half a sine, towards 0: a box", lower=0.02, upper=4.0),
     ),
-    equation=r"\tau_d = T\ \mathrm{for}\ t_0 \leq t < t_0 + \Delta t",
+    equation=r"\tau_d = T \sin^s(\pi (t - t_0) / \Delta t)\ \mathrm{for}\ t_0 \leq t < t_0 + \Delta t",
     variable="elapsed time",
     source="Haddadin, De Luca, Albu-Schaeffer 2017",
     function=torque,

@@ -4,6 +4,7 @@ Source: G. Tao, P. V. Kokotovic, Adaptive Control of Systems with Actuator and S
 """
 
 import math
+from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter
 
@@ -24,3 +25,27 @@ EFFECT = Effect(
     starts=lambda s: [(0.02 * s.command_rms,)],
     function=command,
 )
+
+
+def gradual(u, t, q, dq, w, p):
+    """u (1 - voltage / (|u|^sharpness + voltage^sharpness)^(1/sharpness))."""
+    ratio = abs(u) / max(p[0], 1e-12)
+    if ratio > 1.0:
+        return u * (1.0 - (1.0 + ratio ** -p[1]) ** (-1.0 / p[1]) / ratio)
+    return u * (1.0 - (1.0 + ratio ** p[1]) ** (-1.0 / p[1]))
+
+
+GRADUAL = replace(
+    EFFECT,
+    name="gradual_dead_zone",
+    kind="dead_zone",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("sharpness", "ratio", "of the transition; a dead zone with corners beyond 20", 1.0, 60.0),
+    ),
+    equation=r"v_a = v\,[1 - v_0 / (|v|^n + v_0^n)^{1/n}]",
+    includes=("dead_zone",),
+    starts=lambda s: [(0.02 * s.command_rms, sharpness) for sharpness in (2.0, 6.0)],
+    function=gradual,
+)
+EFFECTS = (EFFECT, GRADUAL)

@@ -27,4 +27,5 @@ EFFECT = Effect(
     amplitudes=(0, 1),
     starts=lambda s: [(0.02 * s.torque_rms, 0.02 * s.torque_rms / s.velocity_rms)],
     function=torque,
+    includes=("amplifier_offset",),
 )

@@ -1,24 +1,20 @@
-"""Flexible joint: motor and load are joined by a spring and a damper; the encoder sits on the motor.
+"""Flexible joint: motor and load are joined by a spring and a damper; the encoder sits on the motor, or on the load.
 
-``J (1 - r) q'' = tau - F``, ``J r q_l'' = F``, ``F = (q - q_l) / compliance + damping (q' - q_l')``. The compliance
-goes to zero continuously, which is why it, not the stiffness, is fitted.
+With w the angular frequency of the load behind a motor that is held still, ``2 pi frequency``, and J the whole inertia,
+``q_l'' = w^2 (q - q_l) + 2 damping_ratio w (q' - q_l')`` and ``J (1 - r) q'' = tau - J r q_l''``: stiffness J r w^2.
+With no inertia behind it the spring has no effect, whatever its frequency.
 
 Source: M. W. Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 109 (1987).
 """
 
-import math
+from dataclasses import replace
 
-from methods.effects.base import Effect, EffectParameter
+from methods.effects.base import Effect, EffectParameter, geometric, grid
 
 
 def starts(s):
-    """Resonances of the free-free pair from 2 to 60 Hz (below half the Nyquist frequency), half of the load behind."""
-    found = []
-    for hertz in (2.0, 5.0, 12.0, 28.0, 60.0):
-        if hertz < 0.25 / s.sample_time:
-            stiffness = (2 * math.pi * hertz) ** 2 * s.inertia * 0.25
-            found.append((1.0 / stiffness, 2 * 0.05 * stiffness / (2 * math.pi * hertz), 0.5))
-    return found
+    """Frequencies that the recording spans, below half the Nyquist frequency; little or much of the load behind."""
+    return grid((0.15, 0.5), geometric(max(3.0 / s.duration, 0.5), 0.25 / s.sample_time, 1.5), (0.04,))
 
 
 EFFECT = Effect(
@@ -26,14 +22,31 @@ EFFECT = Effect(
     stage="transmission",
     slot="structure",
     parameters=(
-        EffectParameter("compliance", "position", "wind-up per input-equivalent torque", lower=0.0),
-        EffectParameter("damping", "torque per velocity", "damping of the spring", lower=0.0),
-        EffectParameter("inertia_ratio", "ratio", "share of the inertia behind the spring", lower=0.02, upper=0.98),
+        EffectParameter("inertia_ratio", "ratio", "share of the inertia behind the spring", lower=0.0, upper=0.98),
+        EffectParameter("frequency", "frequency", "of the load behind a motor that stands still", lower=1e-3),
+        EffectParameter("damping_ratio", "ratio", "of the load behind a motor that stands still", lower=0.0),
     ),
     equation=r"J(1-r)\ddot q = \tau - F,\ J r\,\ddot q_l = F,\ F = K(q-q_l) + D(\dot q-\dot q_l)",
     variable="acceleration",
     source="Spong 1987",
-    amplitudes=(),
     starts=starts,
+    tries=3,
     substeps=2,
 )
+
+LOAD_SIDE = replace(
+    EFFECT,
+    name="joint_flexibility_load_side",
+    kind="joint_flexibility",
+    parameters=(
+        replace(EFFECT.parameters[0], lower=0.05),
+        EFFECT.parameters[1],
+        replace(EFFECT.parameters[2], upper=0.4),  # beyond that it is a low-pass of the sensor, no spring
+    ),
+    amplitudes=(),
+    excludes=("joint_flexibility", "backlash"),
+    starts=lambda s: [values for values in starts(s) if values[0] == 0.5],
+)
+"""The same with the encoder behind the spring, which sees the spring even where no inertia hangs behind it."""
+EFFECT = replace(EFFECT, excludes=("joint_flexibility_load_side", "backlash"))
+EFFECTS = (EFFECT, LOAD_SIDE)

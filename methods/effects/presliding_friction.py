@@ -1,12 +1,19 @@
 """Presliding friction: bristles bend elastically before the joint slides (Dahl's law with bristle damping).
 
-``z' = q' - |q'| z stiffness / torque``, friction ``stiffness z + damping z'``,
-        damping ``2 damping_ratio sqrt(stiffness inertia)``. Stiff bristles are Coulomb friction.
+``z' = q' - |q'| z / deflection``, friction ``torque (z + damping_time z') / deflection``. It is linear in the torque;
+bristles that hardly bend are Coulomb friction.
 
 Source: P. Dahl 1968; C. Canudas de Wit et al., A new model for control of systems with friction, IEEE TAC 40 (1995).
 """
 
-from methods.effects.base import Effect, EffectParameter
+from methods.effects.base import Effect, EffectParameter, geometric
+
+
+def starts(s):
+    """Deflections from what the encoder resolves to a third of the motion."""
+    least = max(s.encoder_step, 1e-4 * s.position_span)
+    return [(0.05 * s.torque_rms, deflection, 0.0) for deflection in geometric(least, 0.3 * s.position_span, 3.0)]
+
 
 EFFECT = Effect(
     name="presliding_friction",
@@ -14,21 +21,15 @@ EFFECT = Effect(
     slot="structure",
     parameters=(
         EffectParameter("torque", "torque", "level in sliding", lower=0.0),
-        EffectParameter("compliance", "position", "bristle deflection per torque (1 / stiffness)", lower=1e-12),
-        EffectParameter(
-            "damping_ratio", "ratio", "bristle damping over 2 sqrt(stiffness inertia)", lower=0.0, upper=2.0
-        ),
+        EffectParameter("deflection", "position", "of the bristles in sliding", lower=1e-12),
+        EffectParameter("damping_time", "time", "bristle damping over stiffness", lower=0.0),
     ),
     equation=r"\dot z = \dot q - |\dot q|\,\sigma_0 z/T_c,\ \tau_f = \sigma_0 z + \sigma_1 \dot z",
     variable="position since reversal",
     source="Dahl 1968; Canudas de Wit et al. 1995",
     includes=("coulomb_friction",),
-    resolved=lambda p, s: p[0] * p[1] > 0.3 * s.encoder_step,
-    amplitudes=(),
-    starts=lambda s: [
-        (level * s.torque_rms, deflection * s.position_span / (level * s.torque_rms), 0.1)
-        for level in (0.03, 0.12)
-        for deflection in (3e-4, 3e-3, 3e-2)
-    ],
+    resolved=lambda p, s: p[1] > 0.3 * s.encoder_step,
+    starts=starts,
+    tries=2,
     substeps=2,
 )

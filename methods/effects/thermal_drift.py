@@ -9,6 +9,7 @@ Source: A. Hughes, B. Drury, Electric Motors and Drives, section 1 (thermal time
 from methods.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
+    drives=True,
     name="thermal_drift",
     stage="motor",
     slot="structure",

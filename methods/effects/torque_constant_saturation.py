@@ -3,6 +3,8 @@
 Source: MuJoCo's and motor makers' rational law; D. Hanselman, Brushless Motors, section on saturation.
 """
 
+from dataclasses import replace
+
 from methods.effects.base import Effect, EffectParameter
 
 
@@ -24,3 +26,24 @@ EFFECT = Effect(
     starts=lambda s: [(0.02 / s.torque_rms**2,)],
     function=gain,
 )
+
+
+def power(t, q, dq, w, p):
+    """1 / (1 + coefficient w^2 / exponent)^exponent."""
+    return (1.0 + p[0] * w * w / p[1]) ** -p[1]
+
+
+POWER = replace(
+    EFFECT,
+    name="torque_constant_saturation_power",
+    kind="torque_constant_saturation",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("exponent", "ratio", "of the fall at high torque, half of its power", 0.05, 8.0),
+    ),
+    equation=r"\tau_m = \alpha i / (1 + c\,i^2 / n)^n",
+    starts=lambda s: [(0.02 / s.torque_rms**2, exponent) for exponent in (0.5, 2.0)],
+    function=power,
+    includes=("torque_constant_saturation",),
+)
+EFFECTS = (EFFECT, POWER)

@@ -5,7 +5,7 @@ Source: D. Hanselman, Brushless Permanent Magnet Motor Design, section on ripple
 
 import math
 
-from methods.effects.base import Effect, EffectParameter
+from methods.effects.base import Effect, EffectParameter, instances
 
 
 def gain(t, q, dq, w, p):
@@ -31,3 +31,8 @@ EFFECT = Effect(
     function=gain,
     scan="position",
 )
+
+HARMONICS = 3
+"""Each harmonic of the ripple is an instance of its own."""
+
+EFFECTS = instances(EFFECT, HARMONICS)

@@ -3,7 +3,10 @@
 Source: G. F. Franklin, J. D. Powell, A. Emami-Naeini, Feedback Control of Dynamic Systems, section 9.
 """
 
-from methods.effects.base import Effect, EffectParameter
+import math
+from dataclasses import replace
+
+from methods.effects.base import Effect, EffectParameter, grid
 
 
 def command(u, t, q, dq, w, p):
@@ -23,3 +26,28 @@ EFFECT = Effect(
     starts=lambda s: [(fraction * s.command_peak,) for fraction in (0.97, 0.9, 0.8, 0.65, 0.5, 0.35)],
     function=command,
 )
+
+
+def gradual(u, t, q, dq, w, p):
+    """u / (1 + |u / voltage|^sharpness)^(1/sharpness)."""
+    ratio = abs(u) / max(p[0], 1e-12)
+    if ratio > 1.0:
+        return math.copysign(p[0], u) * (1.0 + ratio ** -p[1]) ** (-1.0 / p[1])
+    return u * (1.0 + ratio ** p[1]) ** (-1.0 / p[1])
+
+
+GRADUAL = replace(
+    EFFECT,
+    name="gradual_voltage_saturation",
+    kind="voltage_saturation",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("sharpness", "ratio", "of the transition; a hard limit beyond 30", 1.0, 60.0),
+    ),
+    equation=r"v_a = v / (1 + |v / v_{max}|^n)^{1/n}",
+    includes=("voltage_saturation",),
+    starts=lambda s: grid((f * s.command_peak for f in (1.0, 0.8, 0.6, 0.4)), (3.0, 8.0)),
+    function=gradual,
+    tries=2,
+)
+EFFECTS = (EFFECT, GRADUAL)

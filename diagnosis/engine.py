@@ -303,7 +303,8 @@ def simplified(
         cost = price(problem, start, base.samples)
         simple = Scored(start, fitted, base.criterion - fitted.criterion, cost)
         saved = chosen.scored.price - simple.price
-        if chosen.scored.decrease - simple.decrease < saved + settings.threshold:
+        visible = is_resolved(problem, chosen.scored)
+        if chosen.scored.decrease - simple.decrease < saved + settings.threshold or not visible:
             share = materiality(problem, simple.fitted, simple.name, joint)
             rivals = tuple(rival for rival in chosen.rivals if rival.name != simple.name)
             return replace(chosen, scored=simple, material=share, rivals=rivals)

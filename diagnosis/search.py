@@ -14,6 +14,7 @@ from envs.log import Array
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL
 
+INERTIA, VISCOUS, BACK_EMF = (NOMINAL.index(name) for name in ("inertia", "viscous", "back_emf"))
 CARRIED = 3
 """Fits to the unfiltered errors that are carried on to the filtered ones; twice as many converge before."""
 MOVES = 6
@@ -91,8 +92,7 @@ def try_all(
     rough = [(start, fitted) for start in own for fitted in roughly(problem, views[0], start)]
     rough += further(problem, views[1], bare)
     for start in {s.hypothesis.key: s for s in [*bare, *own]}.values():
-        if (other := exchanged(problem, base.point, start)) is not None:
-            rough.append((start, fit(problem, other, rounds=2, iterations=8)))
+        rough += [(start, fit(problem, p, rounds=2, iterations=8)) for p in exchanged(problem, base.point, start)]
     every = [
         Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples))
         for start, fitted in rough
@@ -143,21 +143,27 @@ def _converged(problem: Problem, base: Fitted, rough: Sequence[Scored], finals: 
     return list(best.values())
 
 
-def exchanged(problem: Problem, point: Point, start: Start) -> Point | None:
+def exchanged(problem: Problem, point: Point, start: Start) -> list[Point]:
     """The hypothesis with the value of the nominal parameter that has stood in for it, which falls back to its own.
 
-    Two lags in series can trade places: the fit then ends in the wrong one of two optima.
+    Lags in series can trade places: the fit then ends in the wrong one of several optima. The third lag is the
+    mechanical one, inertia over damping; where the effect takes its value, the winding's lag stands for it.
     """
     effect, j = start.hypothesis.effect, start.hypothesis.joint
     free = {f.name: f for f in point.free}
     stand_in = free.get(f"{effect.exchanges}@{j}")
     if stand_in is None:
-        return None
-    values = start.values.copy()
-    values[:, 0] = point.value(stand_in.name)
-    other = extend(problem, point, start.hypothesis, values)
-    other.parameters[:, j, stand_in.column] = stand_in.centre if np.isfinite(stand_in.deviation) else 0.1 * values[0, 0]
-    return other
+        return []
+    found, lag = [], point.value(stand_in.name)
+    inertia, damping = point.parameters[0, j, INERTIA], point.parameters[0, j, VISCOUS : BACK_EMF + 1].sum()
+    for value, behind in ((lag, inertia), (inertia / max(damping, 1e-300), lag * damping)):
+        values = start.values.copy()
+        values[:, 0] = value
+        other = extend(problem, point, start.hypothesis, values)
+        other.parameters[:, j, INERTIA] = behind
+        other.parameters[:, j, stand_in.column] = stand_in.centre if np.isfinite(stand_in.deviation) else 0.1 * lag
+        found.append(other)
+    return found
 
 
 def polish(problem: Problem, base: Fitted, scored: Scored) -> Scored:

@@ -99,7 +99,7 @@ def export(model: StructuredModel, units: Sequence[float | None], names: Sequenc
         actuator = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
         built.append(_Joint(spec, part, name, unit, inertia, step, body, joint, actuator))
     missing = []
-    labels = {effect.name: effect.label for effect in model.kernel.effects}
+    labels = {effect.name: effect.label if effect.after else effect.name for effect in model.kernel.effects}
     for item in built:
         _drive(item)
         for effect, values in item.part.effects.items():

@@ -18,7 +18,7 @@ COLUMN = {name: index for index, name in enumerate(NOMINAL)}
 EVEN = 20.0
 """Least decrease of -2 log likelihood for which stamps are put aside."""
 TOLERANCE = 0.5
-"""Share by which a winding's stated time constant may be wrong (one standard deviation)."""
+"""Share by which a stated time constant or inertia may be wrong (one standard deviation)."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,7 @@ class JointStructure:
     gravity: ``none``, ``pendulum`` (sine and cosine of the angle) or ``constant`` (a vertical linear axis).
     viscous_share: share of the damping that is mechanical (0..1); command and angle cannot tell it from back-EMF.
     electrical_time_constant: nominal L / R [s], where known.
+    inertia: its stated inertia, input-equivalent, where known; it only decides between otherwise equal explanations.
     torque_limit: input-equivalent torque at the drive's known current limit (0: no limit known).
     """
 
@@ -37,6 +38,7 @@ class JointStructure:
     gravity: str = "none"
     viscous_share: float = 0.0
     electrical_time_constant: float | None = None
+    inertia: float | None = None
     torque_limit: float = 0.0
 
 
@@ -84,7 +86,19 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
         parameters[:, j, COLUMN["inertia"]] = inertia
         parameters[:, j, COLUMN["viscous"]] = share * damping
         parameters[:, j, COLUMN["back_emf"]] = (1.0 - share) * damping
-        free.append(Free(f"inertia@{j}", "joint", j, COLUMN["inertia"], inertia, lower=1e-6 * inertia))
+        stated = structure.inertia
+        free.append(
+            Free(
+                f"inertia@{j}",
+                "joint",
+                j,
+                COLUMN["inertia"],
+                inertia,
+                lower=1e-6 * inertia,
+                centre=stated or inertia,
+                deviation=TOLERANCE * stated if stated else np.inf,
+            )
+        )
         main = "back_emf" if structure.input == "voltage" else "viscous"
         free.append(Free(f"{main}@{j}", "joint", j, COLUMN[main], damping))
         if electrical[j]:
@@ -137,7 +151,7 @@ def _start_pair(
         parameters[:, :, COLUMN["gravity_sine"]], parameters[:, :, COLUMN["gravity_cosine"]] = start.gravity.T
     rigid[:] = start.coupling, start.ratio, start.shared
     free[:] = [
-        replace(f, scale=start.inertia[f.joint], lower=1e-3 * start.inertia[f.joint])
+        replace(f, scale=start.inertia[f.joint], lower=1e-3 * start.inertia[f.joint], deviation=np.inf)
         if f.name.startswith("inertia")
         else f
         for f in free

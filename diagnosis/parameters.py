@@ -169,12 +169,14 @@ def effect_parameters(
         plain = f"{effect.name}.{parameter.name}@{j}"
         columns[parameter.name] = [i for i, n in enumerate(names) if n == plain or n.startswith(f"{plain}#")]
     own = canonical(effect)
-    inertia = float(fitted.point.parameters[0, j, NOMINAL.index("inertia")])
+    inertia = names.index(f"inertia@{j}")
 
     def values(x: Array) -> Array:
         """Canonical values; of what is free in every log the rms of the logs, of phases that of the first log."""
         each = [
-            own.change({INERTIA: inertia} | {name: float(x[c[min(k, len(c) - 1)]]) for name, c in columns.items()})
+            own.change(
+                {INERTIA: float(x[inertia])} | {name: float(x[c[min(k, len(c) - 1)]]) for name, c in columns.items()}
+            )
             for k in range(max(len(c) for c in columns.values()))
         ]
         first = np.array([each[0][name] for name in own.dimensions])
@@ -185,7 +187,7 @@ def effect_parameters(
 
     centre = values(vector)
     slopes = np.zeros((len(centre), len(vector)))
-    for i in sorted({i for c in columns.values() for i in c}):
+    for i in sorted({inertia, *(i for c in columns.values() for i in c)}):
         step = np.zeros(len(vector))
         step[i] = 1e-4 * max(abs(vector[i]), 1e-3 * fitted.point.free[i].scale, 1e-12)
         change = values(vector + step) - values(vector - step)

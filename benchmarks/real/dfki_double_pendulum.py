@@ -103,7 +103,7 @@ def candidates() -> list[tuple[str, list[tuple[Free, ...]]]]:
         "coulomb_friction": [[0.05]],
         "load_dependent_friction": [[0.05]],
         "stribeck_friction": [[0.05, 0.05, 0.5, 1.5]],
-        "presliding_friction": [[0.05, 0.05, 0.1]],
+        "presliding_friction": [[0.05, 2.5e-3, 5e-3]],
         "friction_asymmetry": [[0.01, 0.01]],
         "amplifier_offset": [[0.01]],
         "dead_zone": [[0.03]],

@@ -38,7 +38,8 @@ class Settings:
     instants as a share of the interval. patched: evidence of what was refused for its size, as a share of what was
     explained, above which something unknown must be there. relevant: torque of what stays
     unexplained, as a share of the command's rms, below which it is put down to integrators and inexact laws; a further
-    effect needs half of that. inexact: share of what was explained above which no such excuse holds.
+    effect needs half of that. inexact: share of what was explained above which no such excuse holds, unless
+    the torque stays below `seen`: rounding is not quite noise.
     """
 
     threshold: float = 12.0
@@ -55,6 +56,7 @@ class Settings:
     patched: float = 2.0
     relevant: float = 0.008
     inexact: float = 0.1
+    seen: float = 0.0015
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +211,10 @@ def select(
     if (sharp := significant(problem, accepted, base, settings)) is not None:
         accepted, base = sharp
         left = tuple(remainder(problem, base, j) for j in range(problem.joints))
-    accepted = [confirmed(problem, base, item, settings) for item in accepted]
+    accepted = [
+        confirmed(problem, base, item, accepted[i + 1 :], settings) if accepted[i + 1 :] else item
+        for i, item in enumerate(accepted)
+    ]
     said = verdict(problem, nominal, base, accepted, left, settings)
     patched = max((r.decrease - r.price for r in refused), default=0.0)
     if accepted and patched > settings.patched * (nominal.criterion - base.criterion):
@@ -348,16 +353,19 @@ def merged(
     return accepted, chosen
 
 
-def confirmed(problem: Problem, base: Fitted, item: Accepted, settings: Settings) -> Accepted:
+def confirmed(
+    problem: Problem, base: Fitted, item: Accepted, later: Sequence[Accepted], settings: Settings
+) -> Accepted:
     """The effect with those of its rivals that do as well in its place beside the effects found after it."""
-    joint = item.joint
-    smaller = withdraw(problem, base.point, item.name, joint)
     rivals = []
     for rival in item.rivals:
-        hypothesis = rival.start.hypothesis
-        first = problem.kernel.offsets[rival.name]
-        values = rival.fitted.point.parameters[:, hypothesis.joint, first : first + hypothesis.effect.size]
-        fitted = fit(problem, extend(problem, smaller, hypothesis, values), rounds=2, iterations=10)
+        point = rival.fitted.point
+        for other in later:
+            hypothesis = other.scored.start.hypothesis
+            first = problem.kernel.offsets[other.name]
+            values = base.point.parameters[:, hypothesis.joint, first : first + hypothesis.effect.size]
+            point = extend(problem, point, hypothesis, values)
+        fitted = fit(problem, point, rounds=2, iterations=10)
         if fitted.criterion + rival.price < base.criterion + item.scored.price + settings.rival:
             rivals.append(rival)
     return replace(item, rivals=tuple(rivals))
@@ -547,7 +555,8 @@ def verdict(
     """none, named, ambiguous or unknown."""
     explained = nominal.criterion - final.criterion
     excess = sum(r.excess for r in left)
-    relevant = max(r.share for r in left) > settings.relevant or excess > settings.inexact * explained
+    share = max(r.share for r in left)
+    relevant = share > settings.relevant or (share > settings.seen and excess > settings.inexact * explained)
     if excess > max(settings.unexplained * explained, 20.0) and relevant:
         return "unknown"
     if distinct(accepted) > settings.credible * len(left):

@@ -17,6 +17,12 @@ from methods.kernel import NOMINAL
 INERTIA, VISCOUS, BACK_EMF = (NOMINAL.index(name) for name in ("inertia", "viscous", "back_emf"))
 CARRIED = 3
 """Fits to the unfiltered errors that are carried on to the filtered ones; twice as many converge before."""
+LEAST = 3
+"""Hypotheses that are fitted in any case."""
+NEARLY = 0.5
+"""Share of its price that a hypothesis has to promise to be fitted."""
+FAR = 0.02
+"""Share of the best promise below which a hypothesis is not fitted."""
 MOVES = 6
 """Moves of an event's instant, each by up to 256 samples."""
 WORTH = 0.3
@@ -87,7 +93,8 @@ def try_all(
     views = [base, plain(problem, base)]
     lists = proposals(problem, views, effects, sizes_of(problem, base))
     own, bare = (
-        [s for s in starts if s.promise - price(problem, s, base.samples) >= needed][:refine] for starts in lists
+        worth_fitting(problem, starts, base.samples, needed, least)[:refine]
+        for starts, least in zip(lists, (LEAST, 0), strict=True)
     )
     rough = [(start, fitted) for start in own for fitted in roughly(problem, views[0], start)]
     rough += further(problem, views[1], bare)
@@ -98,6 +105,17 @@ def try_all(
         for start, fitted in rough
     ]
     return _converged(problem, base, every, finals)
+
+
+def worth_fitting(problem: Problem, starts: Sequence[Start], samples: int, needed: float, least: int) -> list[Start]:
+    """The starts whose promise comes near their price and the best promise; at least so many, if they are `needed`."""
+    top = max((start.promise for start in starts), default=0.0)
+    costs = [price(problem, start, samples) for start in starts]
+    return [
+        start
+        for rank, (start, cost) in enumerate(zip(starts, costs, strict=True))
+        if start.promise - cost >= needed and (rank < least or start.promise >= max(NEARLY * cost, FAR * top))
+    ]
 
 
 def roughly(problem: Problem, view: Fitted, start: Start, *, renewed: bool = True) -> list[Fitted]:

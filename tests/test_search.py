@@ -180,7 +180,8 @@ def test_rivals_are_judged_beside_what_was_found_later() -> None:
     true = accepted(problem, nominal, "coulomb_friction", [0.2])
     wrong = accepted(problem, nominal, "quadratic_drag", [0.01]).scored
     same = true.scored
-    item = confirmed(problem, true.scored.fitted, replace(true, rivals=(wrong, same)), Settings())
+    spring = accepted(problem, true.scored.fitted, "cable_spring", [0.01, 0.0])
+    item = confirmed(problem, spring.scored.fitted, replace(true, rivals=(wrong, same)), [spring], Settings())
     assert [rival.name for rival in item.rivals] == ["coulomb_friction"]
 
 

@@ -203,23 +203,6 @@ def evenly(problem: Problem) -> tuple[Problem, float] | None:
     return None if error < 0.01 * problem.sample_time else (replace(problem, time=time), error)
 
 
-def beginning(problem: Problem, samples: int) -> Problem:
-    """The first part of every log, about so many samples together."""
-    if len(problem.time) <= 1.2 * samples:
-        return problem
-    share = samples / len(problem.time)
-    spans = [(a, a + max(int(share * (b - a)), min(b - a, 400))) for a, b in pairwise(problem.bounds)]
-    rows = np.concatenate([np.arange(a, b) for a, b in spans])
-    return replace(
-        problem,
-        time=problem.time[rows],
-        command=problem.command[rows],
-        reading=problem.reading[rows],
-        neighbour=problem.neighbour[rows] if len(problem.neighbour) else problem.neighbour,
-        bounds=np.cumsum([0, *(b - a for a, b in spans)]),
-    )
-
-
 def excitation_band(problem: Problem) -> float:
     """Frequency [Hz] below which 95 % of the power of the measured velocities lies, the largest over joints."""
     found = 0.0

@@ -18,11 +18,12 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numba import float64, int64, njit, types
 
-from envs.log import Array, Hold
+from envs.log import Array, Hold, InputKind
 from methods.base import Model, Motion, State
 
 BALANCE = float64(float64[::1], float64, float64, float64, float64, float64)
@@ -42,8 +43,20 @@ _FUNCTION = types.FunctionType(BALANCE)
 _ROOT_ARGUMENTS = (_FUNCTION, float64[::1], *(float64,) * 6, int64)
 
 
+@dataclass(frozen=True, eq=False)
 class EquationModel(Model):
     """A single joint given by `balance`, a function compiled by `compile_balance`, and its `parameters`."""
+
+    joint: int
+    input: InputKind
+
+    @property
+    def joints(self) -> tuple[int, ...]:  # type: ignore[override]
+        return (self.joint,)
+
+    @property
+    def inputs(self) -> tuple[InputKind, ...]:  # type: ignore[override]
+        return (self.input,)
 
     @property
     @abc.abstractmethod

@@ -21,7 +21,7 @@ from numba import njit
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from envs.log import Array, InputKind, Log
+from envs.log import Array, Log
 from methods.base import Fit, Method
 from methods.differentiation import BandLimited
 from methods.equation import EquationModel, compile_balance
@@ -64,14 +64,6 @@ class SemiparametricModel(EquationModel):
     scales: Array
     points: Array
     weights: Array
-
-    @property
-    def joints(self) -> tuple[int, ...]:  # type: ignore[override]
-        return self.linear.joints
-
-    @property
-    def inputs(self) -> tuple[InputKind, ...]:  # type: ignore[override]
-        return self.linear.inputs
 
     @property
     def balance(self) -> Callable[[Array, float, float, float, float, float], float]:
@@ -123,7 +115,7 @@ class GaussianProcess(Method):
         gram = noise**2 * between + across @ across.T
         gram[np.diag_indices(len(gram))] *= 1.0 + 1e-9
         weights = signal**2 * cho_solve(cho_factor(gram), across @ target)
-        model = SemiparametricModel(first.model, scales, points, weights)
+        model = SemiparametricModel(first.model.joint, first.model.input, first.model, scales, points, weights)
         return replace(
             first,
             model=model,

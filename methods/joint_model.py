@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from envs.log import Array, InputKind
+from envs.log import Array
 from methods.base import Motion
 from methods.equation import EquationModel
 from methods.joint_equation import joint_balance
@@ -26,20 +26,10 @@ class JointModel(EquationModel):
     reversal_velocity: w of the Coulomb column [rad/s or m/s].
     """
 
-    joint: int
-    input: InputKind
     columns: tuple[ColumnName, ...]
     coefficients: Array
     network: TwoLayerNetwork | None = None
     reversal_velocity: float = 1e-3
-
-    @property
-    def joints(self) -> tuple[int, ...]:  # type: ignore[override]
-        return (self.joint,)
-
-    @property
-    def inputs(self) -> tuple[InputKind, ...]:  # type: ignore[override]
-        return (self.input,)
 
     @property
     def balance(self) -> Callable[[Array, float, float, float, float, float], float]:

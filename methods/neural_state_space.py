@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from scipy.optimize import minimize
 
-from envs.log import Array, InputKind, Log
+from envs.log import Array, Log
 from methods.base import Estimates, Fit, Method, MethodError, Status
 from methods.differentiation import Signals
 from methods.equation import EquationModel, compile_balance
@@ -54,21 +54,11 @@ def _balance(p, q, dq, ddq, jerk, u):
 class NeuralStateSpaceModel(EquationModel):
     """lag: T [s]; gain: g; damping: k; f = offset + sum of nodes; nodes: (h, 4), weights, bias and output of each."""
 
-    joint: int
-    input: InputKind
     lag: float
     gain: float
     damping: float
     offset: float
     nodes: Array
-
-    @property
-    def joints(self) -> tuple[int, ...]:  # type: ignore[override]
-        return (self.joint,)
-
-    @property
-    def inputs(self) -> tuple[InputKind, ...]:  # type: ignore[override]
-        return (self.input,)
 
     @property
     def balance(self) -> Callable[[Array, float, float, float, float, float], float]:

@@ -24,7 +24,7 @@ from typing import Literal
 
 import numpy as np
 
-from envs.log import Array, InputKind, Log
+from envs.log import Array, Log
 from methods.base import Estimates, Fit, Method, MethodError, Status
 from methods.differentiation import BandLimited, Differentiator
 from methods.equation import EquationModel, compile_balance
@@ -45,18 +45,8 @@ def _balance(p, q, dq, ddq, jerk, u):
 class SparseModel(EquationModel):
     """coefficients: xi (6,) in the order of `TERMS` [rad/s^2 or m/s^2 per term]; reversal_velocity: w."""
 
-    joint: int
-    input: InputKind
     coefficients: Array
     reversal_velocity: float
-
-    @property
-    def joints(self) -> tuple[int, ...]:  # type: ignore[override]
-        return (self.joint,)
-
-    @property
-    def inputs(self) -> tuple[InputKind, ...]:  # type: ignore[override]
-        return (self.input,)
 
     @property
     def balance(self) -> Callable[[Array, float, float, float, float, float], float]:

@@ -19,6 +19,8 @@ from diagnosis.search import Ranked, Scored, hypotheses_of, polish, price, ranki
 from envs.log import Array
 from methods.effects.base import Effect
 
+SWAPS = 1
+"""Exchanges that are tried where something is left."""
 JITTER = "timestamp_jitter"
 """The effect that shows in the scatter of the readings only."""
 Verdict = Literal["none", "named", "ambiguous", "unknown"]
@@ -29,8 +31,9 @@ class Settings:
     """Decision rules. Evidence is -2 log likelihood gained less the price of parameters and searched shapes.
 
     threshold: least evidence of an effect. material: least effect of its torque, as a share of the command's rms.
-    rival: evidence within which two explanations cannot be told apart. limit: largest number of effects.
-    credible: number of effects per joint above which they are taken for patchwork around something unknown.
+    rival: evidence within which two explanations cannot be told apart. limit: largest number of effects per joint; more
+    would be patchwork around something unknown. banded: the same in the band of the motion, where the whole band has
+    left something unexplained.
     minor: share of all that was explained below which a further effect is taken for an inexact law of another.
     doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`.
     disturbance: unlogged torque, as a share of the motor torque, that does so too, unless it
@@ -45,8 +48,8 @@ class Settings:
     threshold: float = 12.0
     material: float = 2.5e-4
     rival: float = 6.0
-    limit: int = 4
-    credible: int = 3
+    limit: int = 3
+    banded: int = 2
     minor: float = 0.005
     doubtful: float = 0.15
     unexplained: float = 0.03
@@ -145,16 +148,14 @@ def _find(
     if whole.verdict in ("none", "named"):
         still = sum(r.excess for r in whole.remainders) == 0.0
         return with_jitter(problem, whole, effects, settings) if still else whole
-    depends = (
-        sum(r.excess for r in whole.remainders) > 0.0 or distinct(whole.accepted) > settings.credible * problem.joints
-    )
+    depends = sum(r.excess for r in whole.remainders) > 0.0
     if whole.verdict != "unknown" or not depends:
         return whole
     narrow = in_band(problem)
     if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
         return whole
     tell("again in the band of the motion")
-    banded = select(narrow, structures, effects, settings, tell)
+    banded = select(narrow, structures, effects, replace(settings, limit=settings.banded), tell, exchange=False)
     return replace(
         banded, verdict="unknown", remainders=whole.remainders, band=0.4 / (narrow.decimation * problem.sample_time)
     )
@@ -166,8 +167,9 @@ def select(
     effects: Sequence[Effect],
     settings: Settings,
     tell: Callable[[str], None],
+    exchange: bool = True,
 ) -> Finding:
-    """Forward selection, swaps and pruning in the problem's band."""
+    """Forward selection, swaps (if `exchange`) and pruning in the problem's band."""
     nominal = fit_nominal(problem, structures)
     base, steps = nominal, [nominal]
     accepted: list[Accepted] = []
@@ -198,7 +200,8 @@ def select(
         accepted, base = simplified_afterwards(problem, accepted, base, effects, settings)
     left = tuple(remainder(problem, base, j) for j in range(problem.joints))
     if (
-        accepted
+        exchange
+        and accepted
         and sum(r.excess for r in left) > settings.unexplained * (nominal.criterion - base.criterion)
         and max(r.share for r in left) > settings.relevant
     ):
@@ -304,7 +307,7 @@ def simplified(
         return chosen
     for start in proposals(problem, [base], inner, sizes_of(problem, base))[0]:
         point = _within(problem, chosen, start)
-        fitted = fit(problem, point, chosen.scored.fitted.whitener, rounds=3, iterations=8)
+        fitted = fit(problem, point, chosen.scored.fitted.whitener, rounds=2, iterations=6)
         cost = price(problem, start, base.samples)
         simple = Scored(start, fitted, base.criterion - fitted.criterion, cost)
         saved = chosen.scored.price - simple.price
@@ -449,12 +452,12 @@ def is_complete(problem: Problem, nominal: Fitted, base: Fitted) -> bool:
 def swap(
     problem: Problem, effects: Sequence[Effect], accepted: list[Accepted], base: Fitted, settings: Settings
 ) -> tuple[list[Accepted], Fitted] | None:
-    """Exchange one effect for another (and once more) while that explains clearly more; None if nothing is gained.
+    """Exchange one effect for another while that explains clearly more; None if nothing is gained.
 
     Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
     """
     improved = False
-    for _ in range(2):
+    for _ in range(SWAPS):
         best: tuple[list[Accepted], Fitted] | None = None
         for item in accepted[:2]:
             smaller = without(problem, base, item)
@@ -558,8 +561,6 @@ def verdict(
     share = max(r.share for r in left)
     relevant = share > settings.relevant or (share > settings.seen and excess > settings.inexact * explained)
     if excess > max(settings.unexplained * explained, 20.0) and relevant:
-        return "unknown"
-    if distinct(accepted) > settings.credible * len(left):
         return "unknown"
     for r, limit in zip(left, problem.command_limits or (0.0,) * len(left), strict=True):
         if r.disturbance_share > settings.disturbance and r.disturbance > settings.amplifier * limit:

@@ -15,7 +15,7 @@ from methods.effects.base import Effect
 from methods.kernel import NOMINAL
 
 INERTIA, VISCOUS, BACK_EMF = (NOMINAL.index(name) for name in ("inertia", "viscous", "back_emf"))
-CARRIED = 3
+CARRIED = 2
 """Fits to the unfiltered errors that are carried on to the filtered ones; twice as many converge before."""
 LEAST = 3
 """Hypotheses that are fitted in any case."""
@@ -99,7 +99,7 @@ def try_all(
     rough = [(start, fitted) for start in own for fitted in roughly(problem, views[0], start)]
     rough += further(problem, views[1], bare)
     for start in {s.hypothesis.key: s for s in [*bare, *own]}.values():
-        rough += [(start, fit(problem, p, rounds=2, iterations=8)) for p in exchanged(problem, base.point, start)]
+        rough += [(start, fit(problem, p, rounds=1, iterations=6)) for p in exchanged(problem, base.point, start)]
     every = [
         Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples))
         for start, fitted in rough
@@ -134,7 +134,7 @@ def further(problem: Problem, view: Fitted, starts: Sequence[Start]) -> list[tup
     found.sort(key=lambda item: item[1].criterion)
     limit = view.criterion - WORTH * (view.criterion - found[0][1].criterion) if found else 0.0
     converged = [
-        (start, fit(problem, fitted.point, view.whitener, rounds=1, iterations=10, renewed=False))
+        (start, fit(problem, fitted.point, view.whitener, rounds=1, iterations=6, renewed=False))
         for start, fitted in found[: 2 * CARRIED]
         if fitted.criterion < limit
     ]
@@ -149,12 +149,12 @@ def _converged(problem: Problem, base: Fitted, rough: Sequence[Scored], finals: 
     for scored in rough[: finals + 1]:
         if final and scored.decrease < 0.2 * final[0].decrease:
             break
-        fitted = fit(problem, scored.fitted.point, scored.fitted.whitener, rounds=3, iterations=5)
+        fitted = fit(problem, scored.fitted.point, scored.fitted.whitener, rounds=2, iterations=4)
         final.append(replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion))
     top = max((scored.decrease for scored in final), default=0.0)
     near = [scored.decrease > NEAR * top and len(final) > 1 for scored in final]
     if sum(near) > 1:  # near equals are told apart only when all of them have converged
-        final = [polish(problem, base, s) if is_near else s for s, is_near in zip(final, near, strict=True)]
+        final = [polish(problem, base, s, 6) if is_near else s for s, is_near in zip(final, near, strict=True)]
     best: dict[tuple[str, int], Scored] = {}
     for scored in sorted([*final, *rough[len(final) :]], key=lambda s: -s.evidence):
         best.setdefault((scored.name, scored.start.hypothesis.joint), scored)
@@ -184,13 +184,13 @@ def exchanged(problem: Problem, point: Point, start: Start) -> list[Point]:
     return found
 
 
-def polish(problem: Problem, base: Fitted, scored: Scored) -> Scored:
+def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12) -> Scored:
     """The same hypothesis fitted until it has converged."""
     hypothesis = scored.start.hypothesis
     fitted = scored.fitted
     if hypothesis.effect.scan == "event":
         fitted = retimed(problem, fitted, hypothesis)
-    fitted = fit(problem, fitted.point, rounds=2, iterations=12)
+    fitted = fit(problem, fitted.point, rounds=2, iterations=iterations)
     if fitted.criterion > scored.fitted.criterion:
         return scored
     return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)

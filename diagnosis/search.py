@@ -165,7 +165,8 @@ def exchanged(problem: Problem, point: Point, start: Start) -> list[Point]:
     """The hypothesis with the value of the nominal parameter that has stood in for it, which falls back to its own.
 
     Lags in series can trade places: the fit then ends in the wrong one of several optima. The third lag is the
-    mechanical one, inertia over damping; where the effect takes its value, the winding's lag stands for it.
+    mechanical one, inertia over damping; where the effect takes its value, the winding's lag stands for it. Only a
+    stated inertia can say which is which.
     """
     effect, j = start.hypothesis.effect, start.hypothesis.joint
     free = {f.name: f for f in point.free}
@@ -174,7 +175,10 @@ def exchanged(problem: Problem, point: Point, start: Start) -> list[Point]:
         return []
     found, lag = [], point.value(stand_in.name)
     inertia, damping = point.parameters[0, j, INERTIA], point.parameters[0, j, VISCOUS : BACK_EMF + 1].sum()
-    for value, behind in ((lag, inertia), (inertia / max(damping, 1e-300), lag * damping)):
+    places = [(lag, inertia)]
+    if np.isfinite(free[f"inertia@{j}"].deviation):
+        places.append((inertia / max(damping, 1e-300), lag * damping))
+    for value, behind in places:
         values = start.values.copy()
         values[:, 0] = value
         other = extend(problem, point, start.hypothesis, values)

@@ -39,9 +39,9 @@ LOAD_SIDE = replace(
     name="joint_flexibility_load_side",
     kind="joint_flexibility",
     parameters=(
-        replace(EFFECT.parameters[0], lower=0.05),
+        replace(EFFECT.parameters[0], lower=0.1),
         EFFECT.parameters[1],
-        replace(EFFECT.parameters[2], upper=0.4),  # beyond that it is a low-pass of the sensor, no spring
+        replace(EFFECT.parameters[2], upper=0.2),  # beyond that it is a low-pass of the sensor, no spring
     ),
     amplitudes=(),
     excludes=("joint_flexibility", "backlash"),

@@ -197,6 +197,16 @@ def test_lags_trade_places() -> None:
     assert lags[1] == pytest.approx(JOINT["inertia"] / 0.72, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("name", "parameters"), [("collision", (0.3, 1.0, 0.5, 1.0)), ("periodic_disturbance", (0.3, 0.0, 0.2))]
+)
+def test_what_comes_from_outside_pushes(name: str, parameters: tuple[float, ...]) -> None:
+    """A positive torque drives the joint forwards: the slot's function, which resists, is negative."""
+    function = NAMED[name].function
+    assert function is not None
+    assert function(1.25, 0.0, 0.0, 0.0, np.zeros(3), parameters) == pytest.approx(-0.3)
+
+
 def test_geometric() -> None:
     assert geometric(1.0, 8.0, 2.1) == pytest.approx([1.0, 2.0, 4.0, 8.0])
     assert geometric(3.0, 2.0, 2.0) == [3.0]

@@ -9,11 +9,11 @@ from methods.effects.base import Effect, EffectParameter
 
 
 def torque(t, q, dq, w, x, p):
-    """torque sin(pi (t - time) / duration)^shape while that is between its zeros."""
+    """-torque sin(pi (t - time) / duration)^shape while that is between its zeros: the collision pushes."""
     since = (t - p[1]) / p[2]
     if since <= 0.0 or since >= 1.0:
         return 0.0
-    return p[0] * math.sin(math.pi * since) ** p[3]
+    return -p[0] * math.sin(math.pi * since) ** p[3]
 
 
 EFFECT = Effect(

@@ -9,9 +9,9 @@ from methods.effects.base import Effect, EffectParameter
 
 
 def torque(t, q, dq, w, x, p):
-    """sine sin(2 pi f t) + cosine cos(2 pi f t)."""
+    """-[sine sin(2 pi f t) + cosine cos(2 pi f t)]: the disturbance pushes."""
     angle = 2.0 * math.pi * p[2] * t
-    return p[0] * math.sin(angle) + p[1] * math.cos(angle)
+    return -p[0] * math.sin(angle) - p[1] * math.cos(angle)
 
 
 EFFECT = Effect(

@@ -15,15 +15,15 @@ from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
-from diagnosis.search import Ranked, Scored, hypotheses_of, polish, price, ranking, try_all
+from diagnosis.search import Ranked, Scored, hypotheses_of, polish, ranking, score, try_all
 from envs.log import Array
 from methods.effects.base import Effect
 
-SWAPS = 1
-"""Exchanges that are tried where something is left."""
 JITTER = "timestamp_jitter"
 """The effect that shows in the scatter of the readings only."""
 Verdict = Literal["none", "named", "ambiguous", "unknown"]
+WORST: tuple[Verdict, ...] = ("unknown", "ambiguous", "named", "none")
+"""Verdicts of several joints: the first that any of them has is that of all."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,10 @@ class Accepted:
     material: float
     rivals: tuple[Scored, ...]
     considered: tuple[Ranked, ...] = ()
+
+    @property
+    def effect(self) -> Effect:
+        return self.scored.effect
 
     @property
     def name(self) -> str:
@@ -175,12 +179,14 @@ def select(
     accepted: list[Accepted] = []
     refused: tuple[Ranked, ...] = ()
     present: set[tuple[str, int]] = set()
+    left: tuple[Remainder, ...] = ()  # of the base, once it has been asked for
     while distinct(accepted) < settings.limit * problem.joints:
         tell(f"looking for effect {len(accepted) + 1}")
         explained = nominal.criterion - base.criterion
         needed = -np.inf
         if accepted:
-            complete = is_complete(problem, nominal, base)
+            left = remainders(problem, base)
+            complete = sum(r.excess for r in left) <= allowance(nominal, base)
             needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
         ranked = try_all(problem, base, hypotheses_of(effects, problem.joints, present), needed=needed)
         chosen = choose(problem, ranked, settings, explained, first=not accepted)
@@ -192,13 +198,12 @@ def select(
         accepted, chosen = merged(problem, base, accepted, chosen, settings)
         accepted.append(chosen)
         present.add((chosen.name, chosen.joint))
-        effect = chosen.scored.start.hypothesis.effect
-        present |= {(name, chosen.joint) for name in (*effect.includes, *effect.excludes)}
-        base = chosen.scored.fitted
+        present |= {(name, chosen.joint) for name in (*chosen.effect.includes, *chosen.effect.excludes)}
+        base, left = chosen.scored.fitted, ()
         steps.append(base)
         accepted, base = prune(problem, nominal, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, effects, settings)
-    left = tuple(remainder(problem, base, j) for j in range(problem.joints))
+    left = left or remainders(problem, base)
     if (
         exchange
         and accepted
@@ -209,11 +214,11 @@ def select(
         swapped = swap(problem, effects, accepted, base, settings)
         if swapped is not None:
             accepted, base = swapped
-            left = tuple(remainder(problem, base, j) for j in range(problem.joints))
+            left = remainders(problem, base)
     accepted, base, left = trim(problem, nominal, accepted, base, left, settings)
     if (sharp := significant(problem, accepted, base, settings)) is not None:
         accepted, base = sharp
-        left = tuple(remainder(problem, base, j) for j in range(problem.joints))
+        left = remainders(problem, base)
     accepted = [
         confirmed(problem, base, item, accepted[i + 1 :], settings) if accepted[i + 1 :] else item
         for i, item in enumerate(accepted)
@@ -245,7 +250,7 @@ def choose(
     strongest: dict[tuple[str, int], Scored] = {}
     for s in sorted(near, key=lambda s: s.evidence):  # of several forms of one law the likeliest
         strongest[s.label, s.start.hypothesis.joint] = s
-    near = sorted(strongest.values(), key=lambda s: (s.start.hypothesis.effect.size, -s.evidence))
+    near = sorted(strongest.values(), key=lambda s: (s.effect.size, -s.evidence))
     for scored in near:
         hypothesis = scored.start.hypothesis
         if not is_resolved(problem, scored):
@@ -258,7 +263,7 @@ def choose(
                 if s is not scored
                 and s.evidence > scored.evidence - settings.rival
                 and (s.label, s.start.hypothesis.joint) != (scored.label, hypothesis.joint)
-                and scored.name not in s.start.hypothesis.effect.includes
+                and scored.name not in s.effect.includes
             )
             return Accepted(scored, share, rivals, ranking(ranked))
     return None
@@ -266,11 +271,10 @@ def choose(
 
 def is_resolved(problem: Problem, scored: Scored) -> bool:
     """Whether the logs can show what the effect's parameters describe."""
-    effect, joint = scored.start.hypothesis.effect, scored.start.hypothesis.joint
+    effect, joint = scored.effect, scored.start.hypothesis.joint
     if effect.resolved is None:
         return True
-    first = problem.kernel.offsets[effect.name]
-    values = scored.fitted.point.parameters[0, joint, first : first + effect.size]
+    values = scored.fitted.point.parameters[0, joint, problem.kernel.own(effect)]
     return effect.resolved(values.tolist(), sizes_of(problem, scored.fitted)[joint])
 
 
@@ -301,17 +305,16 @@ def simplified(
     problem: Problem, base: Fitted, chosen: Accepted, effects: Sequence[Effect], settings: Settings
 ) -> Accepted:
     """The effect that the chosen one includes as its limit, where that does as well with fewer parameters."""
-    effect, joint = chosen.scored.start.hypothesis.effect, chosen.joint
-    inner = [(other, joint) for other in effects if other.name in effect.includes]
+    joint = chosen.joint
+    inner = [(other, joint) for other in effects if other.name in chosen.effect.includes]
     if not inner:
         return chosen
+    visible = is_resolved(problem, chosen.scored)
     for start in proposals(problem, [base], inner, sizes_of(problem, base))[0]:
         point = _within(problem, chosen, start)
         fitted = fit(problem, point, chosen.scored.fitted.whitener, rounds=2, iterations=6)
-        cost = price(problem, start, base.samples)
-        simple = Scored(start, fitted, base.criterion - fitted.criterion, cost)
+        simple = score(problem, base, start, fitted)
         saved = chosen.scored.price - simple.price
-        visible = is_resolved(problem, chosen.scored)
         if chosen.scored.decrease - simple.decrease < saved + settings.threshold or not visible:
             share = materiality(problem, simple.fitted, simple.name, joint)
             rivals = tuple(rival for rival in chosen.rivals if rival.name != simple.name)
@@ -321,33 +324,26 @@ def simplified(
 
 def _within(problem: Problem, chosen: Accepted, start: Start) -> Point:
     """The chosen model with a simpler effect in place of the chosen one, which lends it parameters of the same name."""
-    whole, simple = chosen.scored.start.hypothesis.effect, start.hypothesis.effect
-    fitted, offsets = chosen.scored.fitted.point.parameters[:, chosen.joint], problem.kernel.offsets
-    names, values = [parameter.name for parameter in whole.parameters], start.values.copy()
-    for i, parameter in enumerate(simple.parameters):
-        if parameter.name in names:
-            values[:, i] = fitted[:, offsets[whole.name] + names.index(parameter.name)]
-    return extend(
-        problem, withdraw(problem, chosen.scored.fitted.point, whole.name, chosen.joint), start.hypothesis, values
-    )
+    point, whole = chosen.scored.fitted.point, chosen.effect
+    values = start.values.copy()
+    for i, parameter in enumerate(start.hypothesis.effect.parameters):
+        if parameter.name in {p.name for p in whole.parameters}:
+            values[:, i] = point.parameters[:, chosen.joint, problem.kernel.column(whole, parameter.name)]
+    return extend(problem, withdraw(problem, point, whole.name, chosen.joint), start.hypothesis, values)
 
 
 def merged(
     problem: Problem, base: Fitted, accepted: list[Accepted], chosen: Accepted, settings: Settings
 ) -> tuple[list[Accepted], Accepted]:
     """An effect that contains an earlier one takes its place, where both together do no better."""
-    effect, joint = chosen.scored.start.hypothesis.effect, chosen.joint
+    effect, joint, column = chosen.effect, chosen.joint, problem.kernel.column
     for item in accepted:
         if item.name not in effect.includes or item.joint != joint:
             continue
         point = withdraw(problem, chosen.scored.fitted.point, item.name, joint)
         parameters = point.parameters.copy()
-        inner = item.scored.start.hypothesis.effect
-        names, offsets = [parameter.name for parameter in effect.parameters], problem.kernel.offsets
-        for i, parameter in enumerate(inner.parameters):
-            if parameter.name in names:
-                into = offsets[effect.name] + names.index(parameter.name)
-                parameters[:, joint, into] += parameters[:, joint, offsets[inner.name] + i]
+        for name in {p.name for p in item.effect.parameters} & {p.name for p in effect.parameters}:
+            parameters[:, joint, column(effect, name)] += parameters[:, joint, column(item.effect, name)]
         fitted = fit(problem, replace(point, parameters=parameters), rounds=2, iterations=8)
         if fitted.criterion - chosen.scored.fitted.criterion < item.scored.price + settings.threshold:
             decrease = base.criterion - fitted.criterion + item.scored.decrease
@@ -364,10 +360,8 @@ def confirmed(
     for rival in item.rivals:
         point = rival.fitted.point
         for other in later:
-            hypothesis = other.scored.start.hypothesis
-            first = problem.kernel.offsets[other.name]
-            values = base.point.parameters[:, hypothesis.joint, first : first + hypothesis.effect.size]
-            point = extend(problem, point, hypothesis, values)
+            values = base.point.parameters[:, other.joint, problem.kernel.own(other.effect)]
+            point = extend(problem, point, other.scored.start.hypothesis, values)
         fitted = fit(problem, point, rounds=2, iterations=10)
         if fitted.criterion + rival.price < base.criterion + item.scored.price + settings.rival:
             rivals.append(rival)
@@ -379,7 +373,7 @@ def simplified_afterwards(
 ) -> tuple[list[Accepted], Fitted]:
     """The effects but the last in their simplest form: before the last one was there they may have stood in for it."""
     for item in accepted[:-1]:
-        if not item.scored.start.hypothesis.effect.includes:
+        if not item.effect.includes:
             continue
         smaller = without(problem, base, item)
         whole = replace(item.scored, fitted=base, decrease=smaller.criterion - base.criterion)
@@ -410,12 +404,12 @@ def with_jitter(problem: Problem, finding: Finding, effects: Sequence[Effect], s
     effect = next((effect for effect in effects if effect.name == JITTER), None)
     if effect is None:
         return finding
-    price, dt = float(np.log(finding.final.samples)), problem.sample_time
+    cost, dt = float(np.log(finding.final.samples)), problem.sample_time
     for j in range(problem.joints):
         found = jitter(problem, finding.final, j)
         if problem.stamps is not None:
-            found = Jitter(problem.stamps.error, problem.stamps.error / np.sqrt(2.0 * price), problem.stamps.decrease)
-        if found is None or found.decrease < price + settings.threshold or found.rms < settings.jitter * dt:
+            found = Jitter(problem.stamps.error, problem.stamps.error / np.sqrt(2.0 * cost), problem.stamps.decrease)
+        if found is None or found.decrease < cost + settings.threshold or found.rms < settings.jitter * dt:
             continue
         hypothesis, values = Hypothesis(effect, j), np.full((problem.logs, 1), found.rms)
         fitted = finding.final
@@ -428,7 +422,7 @@ def with_jitter(problem: Problem, finding: Finding, effects: Sequence[Effect], s
             covariance=spread,
             jacobian=np.vstack([fitted.jacobian, np.zeros_like(fitted.jacobian[:1])]),
         )
-        scored = Scored(Start(hypothesis, values, found.decrease), fitted, found.decrease, price)
+        scored = Scored(Start(hypothesis, values, found.decrease), fitted, found.decrease, cost)
         finding = replace(
             finding,
             verdict="named",
@@ -444,9 +438,9 @@ def allowance(nominal: Fitted, base: Fitted) -> float:
     return max(20.0, 0.005 * (nominal.criterion - base.criterion))
 
 
-def is_complete(problem: Problem, nominal: Fitted, base: Fitted) -> bool:
-    """No signal of the logs explains a relevant part of what is left."""
-    return sum(remainder(problem, base, j).excess for j in range(problem.joints)) <= allowance(nominal, base)
+def remainders(problem: Problem, fitted: Fitted) -> tuple[Remainder, ...]:
+    """What is left of every joint."""
+    return tuple(remainder(problem, fitted, j) for j in range(problem.joints))
 
 
 def swap(
@@ -456,33 +450,24 @@ def swap(
 
     Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
     """
-    improved = False
-    for _ in range(SWAPS):
-        best: tuple[list[Accepted], Fitted] | None = None
-        for item in accepted[:2]:
-            smaller = without(problem, base, item)
-            others = [other for other in accepted if other is not item]
-            kept = {
-                (name, other.joint)
-                for other in others
-                for name in (other.name, *other.scored.start.hypothesis.effect.excludes)
-            }
-            every = hypotheses_of(effects, problem.joints, kept)
-            candidates = [(e, j) for e, j in every if (e.name, j) != (item.name, item.joint)]
-            ranked = try_all(problem, smaller, candidates, refine=4, finals=1)
-            if not ranked:
-                continue
-            found = ranked[0]
-            cost = smaller.criterion - base.criterion - item.scored.price
-            if found.evidence > cost + max(20.0, 0.05 * cost) and (
-                best is None or found.fitted.criterion < best[1].criterion
-            ):
-                share = materiality(problem, found.fitted, found.name, found.start.hypothesis.joint)
-                best = ([*others, Accepted(found, share, ())], found.fitted)
-        if best is None:
-            break
-        accepted, base, improved = *best, True
-    return (accepted, base) if improved else None
+    best: tuple[list[Accepted], Fitted] | None = None
+    for item in accepted[:2]:
+        smaller = without(problem, base, item)
+        others = [other for other in accepted if other is not item]
+        kept = {(name, other.joint) for other in others for name in (other.name, *other.effect.excludes)}
+        every = hypotheses_of(effects, problem.joints, kept)
+        candidates = [(e, j) for e, j in every if (e.name, j) != (item.name, item.joint)]
+        ranked = try_all(problem, smaller, candidates, refine=4, finals=1)
+        if not ranked:
+            continue
+        found = ranked[0]
+        cost = smaller.criterion - base.criterion - item.scored.price
+        if found.evidence > cost + max(20.0, 0.05 * cost) and (
+            best is None or found.fitted.criterion < best[1].criterion
+        ):
+            share = materiality(problem, found.fitted, found.name, found.start.hypothesis.joint)
+            best = ([*others, Accepted(found, share, ())], found.fitted)
+    return best
 
 
 def wald(base: Fitted, item: Accepted, spread: Array | None = None) -> float:
@@ -490,7 +475,7 @@ def wald(base: Fitted, item: Accepted, spread: Array | None = None) -> float:
 
     spread: covariance of the free parameters, that of the fit unless given.
     """
-    effect = item.scored.start.hypothesis.effect
+    effect = item.effect
     amplitudes = {effect.parameters[a].name for a in (effect.amplitudes or range(effect.size))}
     own = {
         i: f.name.partition(".")[2].partition("@")[0]
@@ -527,7 +512,7 @@ def trim(
             break
         accepted = [other for other in accepted if other is not item]
         base = smaller
-        left = tuple(remainder(problem, base, j) for j in range(problem.joints))
+        left = remainders(problem, base)
     return accepted, base, left
 
 

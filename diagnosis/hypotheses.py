@@ -61,7 +61,7 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
     effect, j = hypothesis.effect, hypothesis.joint
     offset = problem.kernel.offsets[effect.name]
     parameters, switches = point.parameters.copy(), point.switches.copy()
-    parameters[:, j, offset : offset + effect.size] = values
+    parameters[:, j, problem.kernel.own(effect)] = values
     switches[j, problem.kernel.switches[effect.name]] = True
     if hypothesis.log >= 0:
         for a in effect.amplitudes:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.signal import welch
 
 from diagnosis.compensator import compensators
-from diagnosis.engine import Accepted, Finding, Settings, Verdict, find
+from diagnosis.engine import WORST, Accepted, Finding, Settings, find
 from diagnosis.estimation import Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
 from diagnosis.isolability import isolability
@@ -57,7 +57,7 @@ from diagnosis.search import Ranked, Scored
 from diagnosis.text import joint_sentence, table
 from envs.log import Array, Log
 from envs.log_files import write_atomically
-from methods.effects import built_in, vocabulary
+from methods.effects import compiled_with, vocabulary
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL, build
 from methods.structured import StructuredModel
@@ -67,8 +67,6 @@ PLOTTED = 4000
 """Samples of a signal that are kept for plots."""
 SHOWN_LOGS = 5
 """Fitted logs whose signals are kept for plots."""
-WORST: tuple[Verdict, ...] = ("unknown", "ambiguous", "named", "none")
-"""Verdicts of several joints: the first that any of them has is that of all."""
 Tell = Callable[[str], None]
 
 
@@ -243,7 +241,7 @@ def solve(
     """Find the effects of one problem and replay the models on the held-out logs."""
     started = clock.perf_counter()
     name = f"joint {', '.join(map(str, group))}"
-    kernel = build(built_in() if set(effects) <= set(built_in()) else effects)
+    kernel = build(compiled_with(effects))
     first = read.fitted[0]
     structures = tuple(structure(first, number, read.robot) for number in group)
     problem = stack(kernel, read.fitted, group, pair=len(group) > 1)

@@ -41,13 +41,17 @@ class Scored:
     price: float
 
     @property
+    def effect(self) -> Effect:
+        return self.start.hypothesis.effect
+
+    @property
     def name(self) -> str:
-        return self.start.hypothesis.effect.name
+        return self.effect.name
 
     @property
     def label(self) -> str:
         """The standard name, whichever instance of the effect it is."""
-        return self.start.hypothesis.effect.label
+        return self.effect.label
 
     @property
     def evidence(self) -> float:
@@ -100,11 +104,12 @@ def try_all(
     rough += further(problem, views[1], bare)
     for start in {s.hypothesis.key: s for s in [*bare, *own]}.values():
         rough += [(start, fit(problem, p, rounds=1, iterations=6)) for p in exchanged(problem, base.point, start)]
-    every = [
-        Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples))
-        for start, fitted in rough
-    ]
-    return _converged(problem, base, every, finals)
+    return _converged(problem, base, [score(problem, base, start, fitted) for start, fitted in rough], finals)
+
+
+def score(problem: Problem, base: Fitted, start: Start, fitted: Fitted) -> Scored:
+    """A fitted hypothesis beside the base that it was put on."""
+    return Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples))
 
 
 def worth_fitting(problem: Problem, starts: Sequence[Start], samples: int, needed: float, least: int) -> list[Start]:
@@ -204,7 +209,7 @@ def retimed(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
     """The fit with the instant of an event moved to where the innovations are smallest: between samples no derivative
     tells where that is."""
     effect, j = hypothesis.effect, hypothesis.joint
-    column = problem.kernel.offsets[effect.name] + [p.name for p in effect.parameters].index("time")
+    column = problem.kernel.column(effect, "time")
     for _ in range(MOVES):
         points = []
         for samples in (0, *(sign * 2**k for k in range(9) for sign in (1, -1))):

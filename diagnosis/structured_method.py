@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
+from diagnosis.engine import WORST
 from diagnosis.estimation import Fitted
 from diagnosis.extension import Extension, extended_model
 from diagnosis.nominal import JointStructure
@@ -23,15 +24,12 @@ from envs.log import Array, JointFacts, Log
 from envs.robot import Robot, RobotError
 from envs.robots import find_robot
 from methods.base import Cause, Estimates, Fit, Method, MethodError, Status
-from methods.effects import built_in, vocabulary
+from methods.effects import built_in, compiled_with, vocabulary
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL, build
 from methods.physical_joint import FRICTION, columns_of
 from methods.regressor import ColumnName, column_unit
 from methods.usable_logs import check_logs
-
-WORST = ("unknown", "ambiguous", "named", "none")
-"""Verdicts; that of several joints is the first one that occurs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +60,8 @@ class StructuredMethod(Method):
         begin = time.perf_counter()
         joints = check_logs(logs)
         known = self.vocabulary()
-        own = set(known) <= set(built_in())
-        kernel = build(built_in() if own else known)
+        effects = compiled_with(known)
+        kernel = build(effects)
         robot = _robot(logs[0])
         extensions, settled, values = [], [], []
         for group in groups(logs, joints, robot):
@@ -88,7 +86,7 @@ class StructuredMethod(Method):
         named = [item.causes for item in settled if item.causes is not None]
         verdicts = [item.verdict for item in settled if item.verdict is not None]
         return Fit(
-            model=replace(model, vocabulary=()) if own else model,
+            model=replace(model, vocabulary=()) if effects == built_in() else model,
             estimates=_joined(values),
             residuals=np.concatenate([f for _, f in values]),
             status=Status.CONVERGED,

@@ -104,6 +104,15 @@ class Kernel:
         """Number of parameters per joint."""
         return len(NOMINAL) + sum(effect.size for effect in self.effects)
 
+    def own(self, effect: Effect) -> slice:
+        """Columns of an effect's parameters."""
+        first = self.offsets[effect.name]
+        return slice(first, first + effect.size)
+
+    def column(self, effect: Effect, parameter: str) -> int:
+        """Column of one of an effect's parameters."""
+        return self.offsets[effect.name] + [p.name for p in effect.parameters].index(parameter)
+
     @cached_property
     def switches(self) -> dict[str, int]:
         return {effect.name: column for column, effect in enumerate(self.effects)}

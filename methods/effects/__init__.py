@@ -39,6 +39,12 @@ def vocabulary(plugins: Sequence[Path] = ()) -> tuple[Effect, ...]:
     return _ordered(effect for effect, _ in found.values())
 
 
+def compiled_with(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """The effects that a kernel for these is built of: all built-in ones where those suffice, so that one serves."""
+    own = built_in()
+    return own if set(effects) <= set(own) else tuple(effects)
+
+
 def from_file(path: Path) -> Effect:
     """The effect that a plugin file defines as ``EFFECT``. Raises RegistryError when there is none."""
     return checked(getattr(run_file(path, "EFFECT"), "EFFECT", None), str(path))

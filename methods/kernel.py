@@ -171,7 +171,13 @@ def _source(kernel: Kernel) -> str:
         columns = [c for c, effect in enumerate(kernel.effects) if effect.slot == slot]
         template = template.replace(f"    #{slot}#", "\n".join(lines) or "    pass")
         template = template.replace(f"#any_{slot}#", " or ".join(f"on[{c}]" for c in columns) or "False")
-    constants = []
+    for symbol, array, count in (
+        ("parameters", "whole", kernel.columns + 2),
+        ("switches", "switches", len(kernel.effects)),
+    ):
+        values = ", ".join(f"{array}[{i}]" for i in range(count))
+        template = template.replace(f"#{symbol}#", f"({values},)")
+    constants = [f"ELECTRICAL_RATE, MOBILITY = {kernel.columns}, {kernel.columns + 1}"]
     for effect_name, symbol in STRUCTURAL.items():
         constants.append(f"{symbol} = {kernel.switches.get(effect_name, -1)}")
         constants.append(f"{symbol}_P = {kernel.offsets.get(effect_name, 0)}")
@@ -254,9 +260,11 @@ def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
     if THERMAL >= 0 and on[THERMAL]:
         resistance += heat
     if p[ELECTRICAL] > 0.0:
-        change = (u - p[BACK_EMF] * dq - resistance * w) / p[ELECTRICAL]
+        change = (u - p[BACK_EMF] * dq - resistance * w) * p[ELECTRICAL_RATE]
     else:
-        w = (u - p[BACK_EMF] * dq) / resistance
+        w = u - p[BACK_EMF] * dq
+        if resistance != 1.0:
+            w /= resistance
         change = 0.0
     if THERMAL >= 0 and on[THERMAL]:
         heating = (p[THERMAL_P] * w * w / p[SQUARE] - heat) / p[THERMAL_P + 1]
@@ -327,7 +335,7 @@ def _joined(t, q, dq, ql, dql, rhs, p, on):
                 al = 0.0
         F = inertia * share * al
         return (rhs - F) / (inertia * (1.0 - share)), al, F
-    a = rhs / inertia
+    a = rhs * p[MOBILITY] if inertia == p[INERTIA] else rhs / inertia
     return a, a, 0.0
 
 
@@ -401,7 +409,9 @@ def _rates_stage(t, span, S, slope, B, D, c, xs, sign, stuck, n, P, on, has, pai
 @njit(cache=True, inline='always', error_model='numpy')
 def _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on):
     """Mean of the held, delayed command over substep i of sample k; a lag below zero stands for a delay."""
-    shift = max(-p[ELECTRICAL], 0.0) / dt
+    shift = 0.0
+    if p[ELECTRICAL] < 0.0:
+        shift -= p[ELECTRICAL] / dt
     if DELAY >= 0 and on[DELAY]:
         shift += p[DELAY_P] / dt
     if shift == 0.0 and hold == 0:
@@ -412,9 +422,15 @@ def _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on):
 
 @njit(cache=True, error_model='numpy')
 def _resolved(P, h):
-    """Parameters (n, columns) in which a winding lag too short for steps of h acts as a delay: its sign is turned."""
-    Q = P.copy()
+    """Parameters (n, columns + 2) in which a winding lag too short for steps of h acts as a delay: its sign is turned.
+
+    The last two are the reciprocals of winding lag and inertia.
+    """
+    Q = np.zeros((P.shape[0], MOBILITY + 1))
+    Q[:, :ELECTRICAL_RATE] = P
     for j in range(Q.shape[0]):
+        Q[j, ELECTRICAL_RATE] = 1.0 / Q[j, ELECTRICAL] if Q[j, ELECTRICAL] > 0.0 else 0.0
+        Q[j, MOBILITY] = 1.0 / Q[j, INERTIA]
         if Q[j, ELECTRICAL] < 0.5 * h:
             Q[j, ELECTRICAL] = -Q[j, ELECTRICAL]
     return Q
@@ -613,17 +629,19 @@ def _rates_one(t, q, dq, w, heat, ql, dql, u, x, sign, stuck, p, on, has, load):
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def run_one(t, u, cumulative, hold, y, x, extra_in, start, p, on, leak, rate_leak, substeps, out):
+def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches, leak, rate_leak, substeps, out):
     """`run` for a single joint with its states in registers. u, y (T,); x (T, 3) or (0, 3); out (T,)."""
     T = u.shape[0]
-    p = _resolved(p.reshape((1, -1)), (t[1] - t[0]) / substeps)[0]
-    has = np.zeros(4, dtype=np.bool_)
-    _present(on, has)
+    whole = _resolved(parameters.reshape((1, -1)), (t[1] - t[0]) / substeps)[0]
+    slots = np.zeros(4, dtype=np.bool_)
+    _present(switches, slots)
+    # numbers instead of arrays: the compiler keeps them at hand, and no view has to be made in the loop
+    p, on = #parameters#, #switches#
+    has = (slots[0], slots[1], slots[2], slots[3])
     q, dq, w, lag, heat, ql, dql, z = start[0], start[1], start[2], u[0], 0.0, start[0], start[1], 0.0
     split = _flexible(on) or (PLAY >= 0 and on[PLAY])
     with_x, with_extra = x.shape[0] == T, extra_in.shape[0] == T
-    none = np.zeros(3)
-    t0 = t[0]
+    t0, before, pull = t[0], 0.0, 0.0
     for k in range(T):
         e = y[k] - _reading(ql if _load_side(on) else q, p, on)
         out[k] = e
@@ -631,13 +649,17 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, p, on, leak, rate_lea
             break
         dt = t[k + 1] - t[k]
         if leak > 0.0:
-            pull = 1.0 - math.exp(-leak * dt)
+            if dt != before:
+                before = dt
+                pull = 1.0 - math.exp(-leak * dt)
             q += pull * e
             ql += pull * e
             if rate_leak > 0.0 and dq != 0.0:
                 dq += rate_leak * dt * e
                 dql += rate_leak * dt * e
-        xs = x[k] if with_x else none
+        xs = (0.0, 0.0, 0.0)
+        if with_x:
+            xs = (x[k, 0], x[k, 1], x[k, 2])
         disturbance = extra_in[k] if with_extra else 0.0
         h = dt / substeps
         for i in range(substeps):
@@ -654,50 +676,60 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, p, on, leak, rate_lea
                 load += torque
             left = h
             for event in range(7):
-                span = left
-                stuck = False
+                span, stuck, dry, stopped, stage = left, False, False, False, 0
                 sign = 1.0 if dq > 0.0 else (-1.0 if dq < 0.0 else 0.0)
-                w, w1, h1, a1, b1, rhs, level = _rates_one(
-                    begin, q, dq, w, heat, ql, dql, v, xs, sign, False, p, on, has, load)
-                dry = level > 0.0
-                if dry and sign == 0.0:
-                    if abs(rhs) <= level:
-                        stuck = True
+                dqs, ws, hs, a, dqls, b = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                dq1, w1, h1, a1, dql1, b1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                sum_q, sum_w, sum_h, sum_a, sum_ql, sum_b, wb = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, w
+                while stage < 4:  # the stages of the Runge-Kutta step, one after the other in the same machine code
+                    ahead = 0.0 if stage == 0 else (0.5 * span if stage < 3 else span)
+                    qs, qls = q + ahead * dqs, ql + ahead * dqls
+                    dqs, dqls = dq + ahead * a, dql + ahead * b
+                    wb, ws, hs, a, b, rhs, level = _rates_one(
+                        begin + ahead, qs, dqs, w + ahead * ws, heat + ahead * hs, qls, dqls,
+                        v, xs, sign, stuck, p, on, has, load)
+                    if stage == 0:
+                        w = wb
+                        if level > 0.0 and sign == 0.0:  # at rest: it stays there or breaks away
+                            dry = True
+                            if not stuck:
+                                if abs(rhs) <= level:
+                                    stuck = True
+                                else:
+                                    sign = 1.0 if rhs > 0.0 else -1.0
+                                continue
+                        dry = dry or level > 0.0
+                        dq1, w1, h1, a1, dql1, b1 = dqs, ws, hs, a, dqls, b
+                        sum_q, sum_w, sum_h, sum_a, sum_ql, sum_b = dq1, w1, h1, a1, dql1, b1
                     else:
-                        sign = 1.0 if rhs > 0.0 else -1.0
-                    w, w1, h1, a1, b1, rhs, level = _rates_one(
-                        begin, q, dq, w, heat, ql, dql, v, xs, sign, stuck, p, on, has, load)
-                stopped = False
-                for attempt in range(2):
-                    half = 0.5 * span
-                    d2, e2 = dq + half * a1, dql + half * b1
-                    wb, w2, h2, a2, b2, rhs, level = _rates_one(
-                        begin + half, q + half * dq, d2, w + half * w1, heat + half * h1, ql + half * dql, e2,
-                        v, xs, sign, stuck, p, on, has, load)
-                    d3, e3 = dq + half * a2, dql + half * b2
-                    wb, w3, h3, a3, b3, rhs, level = _rates_one(
-                        begin + half, q + half * d2, d3, w + half * w2, heat + half * h2, ql + half * e2, e3,
-                        v, xs, sign, stuck, p, on, has, load)
-                    d4, e4 = dq + span * a3, dql + span * b3
-                    wb, w4, h4, a4, b4, rhs, level = _rates_one(
-                        begin + span, q + span * d3, d4, w + span * w3, heat + span * h3, ql + span * e3, e4,
-                        v, xs, sign, stuck, p, on, has, load)
-                    total = span / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-                    if attempt == 1 or event == 6 or not dry or stuck or dq == 0.0 or (dq + total) * dq >= 0.0:
-                        break
-                    span *= _crossing(dq, span * a1, total)
-                    stopped = True
+                        weight = 2.0 if stage < 3 else 1.0
+                        sum_q += weight * dqs
+                        sum_w += weight * ws
+                        sum_h += weight * hs
+                        sum_a += weight * a
+                        sum_ql += weight * dqls
+                        sum_b += weight * b
+                    stage += 1
+                    total = span / 6.0 * sum_a
+                    if (
+                        stage == 4 and not stopped and event < 6 and dry and not stuck and dq != 0.0
+                        and (dq + total) * dq < 0.0
+                    ):  # it would reverse: the step ends where it stops
+                        span *= _crossing(dq, span * a1, total)
+                        stopped, stage = True, 1
+                        dqs, ws, hs, a, dqls, b = dq1, w1, h1, a1, dql1, b1
+                        sum_q, sum_w, sum_h, sum_a, sum_ql, sum_b = dq1, w1, h1, a1, dql1, b1
                 if not stuck:
-                    q += span / 6.0 * (dq + 2.0 * d2 + 2.0 * d3 + d4)
-                    dq += span / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+                    q += span / 6.0 * sum_q
+                    dq += span / 6.0 * sum_a
                 if p[ELECTRICAL] > 0.0:
-                    w += span / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4)
+                    w += span / 6.0 * sum_w
                 else:
                     w = wb
-                heat += span / 6.0 * (h1 + 2.0 * h2 + 2.0 * h3 + h4)
+                heat += span / 6.0 * sum_h
                 if split:
-                    ql += span / 6.0 * (dql + 2.0 * e2 + 2.0 * e3 + e4)
-                    dql += span / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
+                    ql += span / 6.0 * sum_ql
+                    dql += span / 6.0 * sum_b
                 else:
                     ql, dql = q, dq
                 if not stopped:

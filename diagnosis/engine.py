@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from diagnosis.estimation import Fitted, Point, covariance, errors, fit
+from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
-from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
 from diagnosis.search import Ranked, Scored, hypotheses_of, polish, ranking, score, try_all
@@ -22,6 +22,16 @@ from methods.effects.base import Effect
 JITTER = "timestamp_jitter"
 """The effect that shows in the scatter of the readings only."""
 Verdict = Literal["none", "named", "ambiguous", "unknown"]
+FORK = 0.5
+"""Share of the chosen effect's evidence from which another one may have been the better choice."""
+FORKS = 2
+"""Other ways that are tried."""
+SIMULTANEOUS = 0.2
+"""Time [s] between two events that are taken for one."""
+FORM = 0.9
+"""Share of the evidence for the general form of a law from which its textbook form is taken first."""
+CLEARED = 0.1
+"""What may stay unexplained, as a share of what a small effect explains, for it to be more than a repair of a law."""
 WORST: tuple[Verdict, ...] = ("unknown", "ambiguous", "named", "none")
 """Verdicts of several joints: the first that any of them has is that of all."""
 
@@ -165,6 +175,86 @@ def _find(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A way through the search: the effects accepted so far, the model with them, and where it could have gone instead.
+
+    forks: at every step the hypotheses that explained nearly as much, with the path up to there.
+    """
+
+    base: Fitted
+    accepted: tuple[Accepted, ...]
+    present: frozenset[tuple[str, int]]
+    steps: tuple[Fitted, ...]
+    left: tuple[Remainder, ...] = ()
+    refused: tuple[Ranked, ...] = ()
+    forks: tuple[tuple[Path, Accepted], ...] = ()
+
+    @property
+    def excess(self) -> float:
+        """What noise does not account for in all remainders."""
+        return sum(r.excess for r in self.left)
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What stays the same all along a search."""
+
+    problem: Problem
+    structures: tuple[JointStructure, ...]
+    effects: Sequence[Effect]
+    settings: Settings
+    nominal: Fitted
+    tell: Callable[[str], None]
+
+    def grown(self, path: Path) -> Path:
+        """The path continued as far as effects are found."""
+        problem, settings = self.problem, self.settings
+        while distinct(path.accepted) < settings.limit * problem.joints:
+            self.tell(f"looking for effect {len(path.accepted) + 1}")
+            explained = self.nominal.criterion - path.base.criterion
+            needed = -np.inf
+            if path.accepted:
+                path = replace(path, left=remainders(problem, path.base))
+                complete = path.excess <= allowance(self.nominal, path.base)
+                needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
+            candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
+            ranked = try_all(problem, path.base, candidates, needed=needed)
+            ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
+            chosen = choose(problem, ranked, settings, explained, first=not path.accepted)
+            if chosen is None:
+                path = replace(path, refused=ranking(ranked))
+                break
+            forks = tuple((replace(path, forks=()), other) for other in nearly_as_good(chosen, ranked))
+            path = self.advanced(replace(path, forks=path.forks + forks), chosen)
+        return path if path.left else replace(path, left=remainders(problem, path.base))
+
+    def advanced(self, path: Path, chosen: Accepted) -> Path:
+        """The path with one more effect, in its simplest form, and without those that it makes superfluous."""
+        problem, settings, accepted = self.problem, self.settings, list(path.accepted)
+        chosen = replace(chosen, scored=polish(problem, path.base, chosen.scored))
+        chosen = simplified(problem, path.base, chosen, self.effects, settings)
+        accepted, chosen = merged(problem, path.base, accepted, chosen, settings)
+        accepted.append(chosen)
+        present = path.present | {(name, chosen.joint) for name in (chosen.name, *chosen.effect.includes)}
+        present |= {(name, chosen.joint) for name in chosen.effect.excludes}
+        base = limits_settled(problem, chosen.scored.fitted, self.structures)
+        steps = (*path.steps, base)
+        accepted, base = prune(problem, accepted, base, settings)
+        accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
+        return replace(path, base=base, accepted=tuple(accepted), present=present, steps=steps, left=())
+
+    def incomplete(self, path: Path) -> bool:
+        """Whether more stays unexplained than inexact laws account for."""
+        explained = self.nominal.criterion - path.base.criterion
+        settings = self.settings
+        return path.excess > settings.unexplained * explained and max(r.share for r in path.left) > settings.relevant
+
+    def cost(self, path: Path) -> float:
+        """-2 log likelihood and the price of all effects."""
+        return path.base.criterion + sum(item.scored.price for item in path.accepted)
+
+
 def select(
     problem: Problem,
     structures: tuple[JointStructure, ...],
@@ -173,49 +263,22 @@ def select(
     tell: Callable[[str], None],
     exchange: bool = True,
 ) -> Finding:
-    """Forward selection, swaps (if `exchange`) and pruning in the problem's band."""
+    """Forward selection, other ways (if `exchange`) where the first one led nowhere, and pruning in the problem's band.
+
+    Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
+    """
     nominal = fit_nominal(problem, structures)
-    base, steps = nominal, [nominal]
-    accepted: list[Accepted] = []
-    refused: tuple[Ranked, ...] = ()
-    present: set[tuple[str, int]] = set()
-    left: tuple[Remainder, ...] = ()  # of the base, once it has been asked for
-    while distinct(accepted) < settings.limit * problem.joints:
-        tell(f"looking for effect {len(accepted) + 1}")
-        explained = nominal.criterion - base.criterion
-        needed = -np.inf
-        if accepted:
-            left = remainders(problem, base)
-            complete = sum(r.excess for r in left) <= allowance(nominal, base)
-            needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
-        ranked = try_all(problem, base, hypotheses_of(effects, problem.joints, present), needed=needed)
-        chosen = choose(problem, ranked, settings, explained, first=not accepted)
-        if chosen is None:
-            refused = ranking(ranked)
+    search = Search(problem, structures, effects, settings, nominal, tell)
+    path = search.grown(Path(nominal, (), frozenset(), (nominal,)))
+    forks = path.forks[:FORKS] if exchange else ()
+    for earlier, other in forks:
+        if not search.incomplete(path):
             break
-        chosen = replace(chosen, scored=polish(problem, base, chosen.scored))
-        chosen = simplified(problem, base, chosen, effects, settings)
-        accepted, chosen = merged(problem, base, accepted, chosen, settings)
-        accepted.append(chosen)
-        present.add((chosen.name, chosen.joint))
-        present |= {(name, chosen.joint) for name in (*chosen.effect.includes, *chosen.effect.excludes)}
-        base, left = chosen.scored.fitted, ()
-        steps.append(base)
-        accepted, base = prune(problem, nominal, accepted, base, settings)
-        accepted, base = simplified_afterwards(problem, accepted, base, effects, settings)
-    left = left or remainders(problem, base)
-    if (
-        exchange
-        and accepted
-        and sum(r.excess for r in left) > settings.unexplained * (nominal.criterion - base.criterion)
-        and max(r.share for r in left) > settings.relevant
-    ):
-        tell("looking for better combinations")
-        swapped = swap(problem, effects, accepted, base, settings)
-        if swapped is not None:
-            accepted, base = swapped
-            left = remainders(problem, base)
-    accepted, base, left = trim(problem, nominal, accepted, base, left, settings)
+        tell(f"once more with {other.label}")
+        second = search.grown(search.advanced(earlier, other))
+        if search.cost(second) < search.cost(path) - settings.threshold:
+            path = second
+    accepted, base, left = trim(problem, nominal, list(path.accepted), path.base, path.left, settings)
     if (sharp := significant(problem, accepted, base, settings)) is not None:
         accepted, base = sharp
         left = remainders(problem, base)
@@ -224,16 +287,43 @@ def select(
         for i, item in enumerate(accepted)
     ]
     said = verdict(problem, nominal, base, accepted, left, settings)
-    patched = max((r.decrease - r.price for r in refused), default=0.0)
+    patched = max((r.decrease - r.price for r in path.refused), default=0.0)
     if accepted and patched > settings.patched * (nominal.criterion - base.criterion):
         said = "unknown"
-    return Finding(said, nominal, tuple(accepted), base, left, tuple(steps), refused=refused)
+    return Finding(said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused)
+
+
+def coincides(problem: Problem, scored: Scored, accepted: Sequence[Accepted]) -> bool:
+    """Whether an event happens when another one does that has a name already: it would repair the law of that one."""
+    if scored.effect.scan != "event":
+        return False
+    instants = lambda s: s.fitted.point.parameters[  # noqa: E731
+        :, s.start.hypothesis.joint, problem.kernel.column(s.effect, "time")
+    ]
+    return any(
+        np.any(np.abs(instants(scored) - instants(item.scored)) < SIMULTANEOUS)
+        for item in accepted
+        if item.effect.scan == "event"
+    )
+
+
+def nearly_as_good(chosen: Accepted, ranked: Sequence[Scored]) -> list[Accepted]:
+    """Other effects that explain a good part of what the chosen one does, best first."""
+    return [
+        Accepted(scored, 0.0, (), chosen.considered)
+        for scored in ranked
+        if scored.label != chosen.label
+        and scored.evidence > FORK * chosen.scored.evidence
+        and chosen.name not in scored.effect.includes
+        and scored.name not in chosen.effect.includes
+    ]
 
 
 def choose(
     problem: Problem, ranked: list[Scored], settings: Settings, explained: float, *, first: bool
 ) -> Accepted | None:
     """The best hypothesis that is significant and material; among near equals the one with fewest parameters."""
+    ranked = textbook([s for s in ranked if is_resolved(problem, s)])
     if not ranked:
         return None
     top = ranked[0]
@@ -247,16 +337,11 @@ def choose(
         if s.evidence > settings.threshold
         and (s.decrease >= top.decrease - margin or s.evidence >= best - settings.rival)
     ]
-    strongest: dict[tuple[str, int], Scored] = {}
-    for s in sorted(near, key=lambda s: s.evidence):  # of several forms of one law the likeliest
-        strongest[s.label, s.start.hypothesis.joint] = s
-    near = sorted(strongest.values(), key=lambda s: (s.effect.size, -s.evidence))
-    for scored in near:
+    for scored in sorted(near, key=lambda s: (s.effect.size, -s.evidence)):
         hypothesis = scored.start.hypothesis
-        if not is_resolved(problem, scored):
-            continue
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
-        if share >= (settings.material if first else 0.5 * settings.relevant):
+        plain = first or scored.decrease > settings.inexact * explained
+        if share >= (settings.material if plain else 0.5 * settings.relevant):
             rivals = tuple(
                 s
                 for s in ranked
@@ -269,6 +354,23 @@ def choose(
     return None
 
 
+def textbook(ranked: Sequence[Scored]) -> list[Scored]:
+    """One form of every law, best first: the likeliest, or the one that it includes where that does nearly as well.
+
+    A form with more freedom than the textbook's repairs what other effects have yet to explain; it can still take the
+    textbook's place when they do (`merged`).
+    """
+    forms: dict[tuple[str, int], list[Scored]] = {}
+    for scored in ranked:
+        forms.setdefault((scored.label, scored.start.hypothesis.joint), []).append(scored)
+    chosen = []
+    for own in forms.values():
+        best = max(own, key=lambda s: s.evidence)
+        simple = [s for s in own if s.name in best.effect.includes and s.evidence > FORM * best.evidence]
+        chosen.append(simple[0] if simple else best)
+    return sorted(chosen, key=lambda s: -s.evidence)
+
+
 def is_resolved(problem: Problem, scored: Scored) -> bool:
     """Whether the logs can show what the effect's parameters describe."""
     effect, joint = scored.effect, scored.start.hypothesis.joint
@@ -279,7 +381,7 @@ def is_resolved(problem: Problem, scored: Scored) -> bool:
 
 
 def prune(
-    problem: Problem, nominal: Fitted, accepted: list[Accepted], base: Fitted, settings: Settings
+    problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
 ) -> tuple[list[Accepted], Fitted]:
     """Drop effects that the later ones made superfluous."""
     changed = len(accepted) > 1
@@ -336,20 +438,39 @@ def merged(
     problem: Problem, base: Fitted, accepted: list[Accepted], chosen: Accepted, settings: Settings
 ) -> tuple[list[Accepted], Accepted]:
     """An effect that contains an earlier one takes its place, where both together do no better."""
-    effect, joint, column = chosen.effect, chosen.joint, problem.kernel.column
     for item in accepted:
-        if item.name not in effect.includes or item.joint != joint:
+        if item.name not in chosen.effect.includes or item.joint != chosen.joint:
             continue
-        point = withdraw(problem, chosen.scored.fitted.point, item.name, joint)
-        parameters = point.parameters.copy()
-        for name in {p.name for p in item.effect.parameters} & {p.name for p in effect.parameters}:
-            parameters[:, joint, column(effect, name)] += parameters[:, joint, column(item.effect, name)]
-        fitted = fit(problem, replace(point, parameters=parameters), rounds=2, iterations=8)
-        if fitted.criterion - chosen.scored.fitted.criterion < item.scored.price + settings.threshold:
-            decrease = base.criterion - fitted.criterion + item.scored.decrease
-            chosen = replace(chosen, scored=replace(chosen.scored, fitted=fitted, decrease=decrease))
-            accepted = [other for other in accepted if other is not item]
+        both = chosen.scored.fitted
+        for fitted in alone(problem, item, chosen):
+            if fitted.criterion - both.criterion < item.scored.price + settings.threshold:
+                decrease = base.criterion - fitted.criterion + item.scored.decrease
+                chosen = replace(chosen, scored=replace(chosen.scored, fitted=fitted, decrease=decrease))
+                accepted = [other for other in accepted if other is not item]
+                break
     return accepted, chosen
+
+
+def alone(problem: Problem, item: Accepted, chosen: Accepted) -> Iterator[Fitted]:
+    """Fits of the model with the chosen effect that contains `item` and without the latter.
+
+    Begun with the sum of what they have in common; then from the unfiltered errors, since what they share may bear
+    different names.
+    """
+    effect, joint, column = chosen.effect, chosen.joint, problem.kernel.column
+    both = chosen.scored.fitted
+    if not both.point.switches[joint, problem.kernel.switches[item.name]]:
+        yield both  # the chosen form has begun in its place
+        return
+    point = withdraw(problem, both.point, item.name, joint)
+    shared = {p.name for p in item.effect.parameters} & {p.name for p in effect.parameters}
+    if shared:
+        parameters = point.parameters.copy()
+        for name in shared:
+            parameters[:, joint, column(effect, name)] += parameters[:, joint, column(item.effect, name)]
+        yield fit(problem, replace(point, parameters=parameters), rounds=2, iterations=8)
+    bare = fit(problem, point, plain(problem, both).whitener, rounds=1, iterations=8, renewed=False)
+    yield fit(problem, bare.point, rounds=2, iterations=8)
 
 
 def confirmed(
@@ -443,33 +564,6 @@ def remainders(problem: Problem, fitted: Fitted) -> tuple[Remainder, ...]:
     return tuple(remainder(problem, fitted, j) for j in range(problem.joints))
 
 
-def swap(
-    problem: Problem, effects: Sequence[Effect], accepted: list[Accepted], base: Fitted, settings: Settings
-) -> tuple[list[Accepted], Fitted] | None:
-    """Exchange one effect for another while that explains clearly more; None if nothing is gained.
-
-    Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
-    """
-    best: tuple[list[Accepted], Fitted] | None = None
-    for item in accepted[:2]:
-        smaller = without(problem, base, item)
-        others = [other for other in accepted if other is not item]
-        kept = {(name, other.joint) for other in others for name in (other.name, *other.effect.excludes)}
-        every = hypotheses_of(effects, problem.joints, kept)
-        candidates = [(e, j) for e, j in every if (e.name, j) != (item.name, item.joint)]
-        ranked = try_all(problem, smaller, candidates, refine=4, finals=1)
-        if not ranked:
-            continue
-        found = ranked[0]
-        cost = smaller.criterion - base.criterion - item.scored.price
-        if found.evidence > cost + max(20.0, 0.05 * cost) and (
-            best is None or found.fitted.criterion < best[1].criterion
-        ):
-            share = materiality(problem, found.fitted, found.name, found.start.hypothesis.joint)
-            best = ([*others, Accepted(found, share, ())], found.fitted)
-    return best
-
-
 def wald(base: Fitted, item: Accepted, spread: Array | None = None) -> float:
     """Wald statistic of an effect's amplitudes: what its removal would cost to first order.
 
@@ -505,7 +599,7 @@ def trim(
     explained = nominal.criterion - base.criterion
     while len(accepted) > 1 and sum(r.excess for r in left) > 0.0:
         weakest = _weakest(problem, base, accepted)
-        if sum(r.excess for r in left) <= 0.2 * weakest[1]:
+        if sum(r.excess for r in left) <= CLEARED * weakest[1]:
             break
         item, loss, smaller = weakest
         if loss > settings.doubtful * explained:

@@ -175,14 +175,15 @@ LINES = 6
 
 
 def without_lines(problem: Problem, error: Array) -> Array:
-    """Errors (T, n) less their spectral lines, which noise does not have.
+    """Errors (T, n) less their mean and their spectral lines, which noise does not have.
 
-    A long autoregression would otherwise imitate a periodic disturbance and call it noise. Where the motion itself is
-    one sine, its harmonics are left: they are the rounding's as well as the model's.
+    A long autoregression would otherwise imitate an offset or a periodic disturbance and call it noise. Where the
+    motion itself is one sine, its harmonics are left: they are the rounding's as well as the model's.
     """
     cleaned = error.copy()
     for a, b in pairwise(problem.bounds):
         window = slice(a + int(np.argmax(problem.used[a:b])), b)
+        cleaned[window] -= np.mean(cleaned[window], axis=0)
         for j in range(problem.joints):
             waves = _lines(error[window, j], problem.reading[window, j])
             if len(waves):
@@ -468,7 +469,7 @@ def rounding_floor(problem: Problem, filter_: Whitener) -> Array:
 
     A joint that rests within one step of its encoder is predicted perfectly; such samples must not count as evidence.
     """
-    return np.asarray(0.25 * problem.encoder_step**2 / 12.0 * np.sum(filter_.coefficients**2, axis=1))
+    return np.full(len(filter_.coefficients), 0.25 * problem.encoder_step**2 / 12.0)
 
 
 def covariance(fitted: Fitted) -> Array:

@@ -25,6 +25,8 @@ OTHER = 1.5
 VISCOUS, BACK_EMF = "viscous", "back_emf"
 DAMPING = 0.5
 """Share of the damping by which its mechanical part may differ from the stated one (one standard deviation)."""
+CYCLES = 40_000
+"""Most cycles per revolution (or per metre) that are scanned."""
 PER_LOG = {"periodic_disturbance": (0, 1)}
 """Parameters that may differ from log to log: the phase of a disturbance has no reason to restart with a recording."""
 
@@ -125,7 +127,8 @@ def proposals(
             ]
     found: list[dict[str, list[Start]]] = [{} for _ in views]
     for hypothesis, values, searched in jobs:
-        key = f"{hypothesis.effect.name}@{hypothesis.joint}"
+        # an event in all logs and one in a single log are told apart by a fit only
+        key = f"{hypothesis.effect.name}@{hypothesis.joint}" + ("#" if hypothesis.log >= 0 else "")
         for own, start in zip(found, _regress(problem, views, hypothesis, values, searched), strict=True):
             own.setdefault(key, []).append(start)
     lists = []
@@ -321,7 +324,7 @@ def _scan_position(
     span = max(float(np.ptp(q)), 1e-12)
     least = 2.0 if problem.revolute else 2 * np.pi / span
     spacing = min(np.pi / span / 3, 1.0) if not problem.revolute else min(np.pi / span / 3, 0.5)
-    most = min(0.5 * np.pi / (problem.sample_time * size.velocity_rms), 4000 * spacing)
+    most = min(0.5 * np.pi / (problem.sample_time * size.velocity_rms), CYCLES * spacing)
     if problem.revolute:
         most = min(most, 1200.0)
     cycles = np.arange(least, most, spacing)

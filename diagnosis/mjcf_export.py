@@ -348,7 +348,7 @@ def _play(item: _Joint, p: Values) -> bool:
     between = _split(item, ratio)
     reduced = item.inertia * ratio * (1.0 - ratio)
     angular = 2.0 * math.pi * p["frequency"]
-    stiffness, damping = item.inertia * ratio * angular**2, 0.6 * item.inertia * ratio * angular
+    stiffness, damping = item.inertia * ratio * angular**2, 2.0 * p["damping_ratio"] * item.inertia * ratio * angular
     between.limited = mujoco.mjtLimited.mjLIMITED_TRUE
     between.range = [-0.5 * p["gap"], 0.5 * p["gap"]]
     # accelerations, hence per inertia; the impedance enters squared

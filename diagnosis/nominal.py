@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point, fit
+from diagnosis.estimation import Fitted, Point, fit, predicted_motion
 from diagnosis.pair_start import PairStart, pair_start
 from diagnosis.problem import Free, Problem, Stamps, evenly, smooth_derivatives, start_window
 from envs.log import Array, InputKind
@@ -187,6 +187,27 @@ def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fit
             if limited.criterion < best.criterion:
                 return limited
     return best
+
+
+def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStructure, ...]) -> Fitted:
+    """The fit with every stated torque limit either acting or not, whichever the logs say now.
+
+    A limit may have stood in for an effect that was not yet in the model, or an effect for the limit.
+    """
+    column = COLUMN["torque_limit"]
+    for j, structure in enumerate(structures):
+        acts = fitted.point.parameters[0, j, column] > 0.0
+        torque = (
+            np.abs(predicted_motion(problem, fitted.point)[:, j, 2]) if structure.torque_limit > 0.0 else np.zeros(1)
+        )
+        if np.max(torque) < structure.torque_limit or structure.torque_limit == 0.0:
+            continue
+        parameters = fitted.point.parameters.copy()
+        parameters[:, j, column] = 0.0 if acts else structure.torque_limit
+        other = fit(problem, replace(fitted.point, parameters=parameters), rounds=3, iterations=8)
+        if other.criterion < fitted.criterion:
+            fitted = other
+    return fitted
 
 
 def _fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:

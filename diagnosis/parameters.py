@@ -85,6 +85,11 @@ def _stiffness(p: Values) -> float:
     return p[INERTIA] * p["inertia_ratio"] * (2.0 * math.pi * p["frequency"]) ** 2
 
 
+def _damping(p: Values) -> float:
+    """Of a spring with the stiffness of `_stiffness`."""
+    return 2.0 * p["damping_ratio"] * _stiffness(p) / (2.0 * math.pi * p["frequency"])
+
+
 CANONICAL: dict[str, Canonical] = {
     "cogging_torque": _wave("amplitude", "torque", ("cycles_per_rev", "cycles per revolution")),
     "torque_ripple": _wave("share", "ratio", ("cycles_per_rev", "cycles per revolution")),
@@ -95,13 +100,23 @@ CANONICAL: dict[str, Canonical] = {
         {"stiffness": "torque per position", "damping": "torque per velocity", "inertia_ratio": "ratio"},
         lambda p: {
             "stiffness": _stiffness(p),
-            "damping": 2.0 * p["damping_ratio"] * _stiffness(p) / (2.0 * math.pi * p["frequency"]),
+            "damping": _damping(p),
             "inertia_ratio": p["inertia_ratio"],
         },
     ),
     "backlash": Canonical(
-        {"gap": "position", "inertia_ratio": "ratio", "contact_stiffness": "torque per position"},
-        lambda p: {"gap": p["gap"], "inertia_ratio": p["inertia_ratio"], "contact_stiffness": _stiffness(p)},
+        {
+            "gap": "position",
+            "inertia_ratio": "ratio",
+            "contact_stiffness": "torque per position",
+            "contact_damping": "torque per velocity",
+        },
+        lambda p: {
+            "gap": p["gap"],
+            "inertia_ratio": p["inertia_ratio"],
+            "contact_stiffness": _stiffness(p),
+            "contact_damping": _damping(p),
+        },
     ),
     "presliding_friction": Canonical(
         {"torque": "torque", "stiffness": "torque per position", "damping": "torque per velocity"},

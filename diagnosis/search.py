@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, weights
-from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of
+from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.problem import Problem
 from envs.log import Array
 from methods.effects.base import Effect
@@ -85,7 +85,7 @@ def try_all(
     base: Fitted,
     effects: Sequence[tuple[Effect, int]],
     *,
-    refine: int = 7,
+    refine: int = 8,
     finals: int = 3,
     needed: float = -np.inf,
 ) -> list[Scored]:
@@ -104,6 +104,8 @@ def try_all(
     rough += further(problem, views[1], bare)
     for start in {s.hypothesis.key: s for s in [*bare, *own]}.values():
         rough += [(start, fit(problem, p, rounds=1, iterations=6)) for p in exchanged(problem, base.point, start)]
+    for start in lists[0]:
+        rough += [(start, fit(problem, p, rounds=1, iterations=6)) for p in generalised(problem, base.point, start)]
     return _converged(problem, base, [score(problem, base, start, fitted) for start, fitted in rough], finals)
 
 
@@ -190,6 +192,19 @@ def exchanged(problem: Problem, point: Point, start: Start) -> list[Point]:
         other.parameters[:, j, INERTIA] = behind
         other.parameters[:, j, stand_in.column] = stand_in.centre if np.isfinite(stand_in.deviation) else 0.1 * lag
         found.append(other)
+    return found
+
+
+def generalised(problem: Problem, point: Point, start: Start) -> list[Point]:
+    """The more general form of a law in place of the textbook's that is in the model, with the same values."""
+    effect, j = start.hypothesis.effect, start.hypothesis.joint
+    found = []
+    for name in effect.includes if effect.neutral else ():
+        if point.switches[j, problem.kernel.switches[name]]:
+            first = problem.kernel.offsets[name]
+            shared = point.parameters[:, j, first : first + effect.size - len(effect.neutral)]
+            values = np.hstack([shared, np.tile(effect.neutral, (problem.logs, 1))])
+            found.append(extend(problem, withdraw(problem, point, name, j), start.hypothesis, values))
     return found
 
 

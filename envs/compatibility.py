@@ -22,6 +22,8 @@ OTHER_INERTIA = 4.0
 OTHER_MACHINE, REFUSED_MACHINE = 2.5, 5.0
 #: Share of the command's variance that the rough physics has to explain before its inertia is believed.
 EXPLAINED = 0.7
+#: The same before a recording may be refused for it: what else drives a joint must not be taken for its inertia.
+SURE = 0.9
 
 
 def with_robot(log: Log, robot: Robot) -> tuple[Log, tuple[Finding, ...]]:
@@ -101,7 +103,7 @@ def inertia_findings(log: Log, robot: Robot) -> Iterator[Finding]:
     known = lone_inertia(log)
     if known is None:
         return
-    joint, inertia = known
+    joint, inertia, _ = known
     at = np.array([0.5 * (item.lower.value + item.upper.value) for item in robot.joints])
     at[~np.isfinite(at)] = 0.0
     for column, number in enumerate(log.joints):
@@ -116,15 +118,15 @@ def inertia_findings(log: Log, robot: Robot) -> Iterator[Finding]:
         )
 
 
-def lone_inertia(log: Log) -> tuple[int, float] | None:
-    """(joint, inertia in units of its command) of a recording in which one joint moves, where it can be told."""
+def lone_inertia(log: Log) -> tuple[int, float, float] | None:
+    """(joint, inertia in units of its command, share explained) of a recording of one joint, where it can be told."""
     found = moved(log)
     if len(found) != 1 or np.sum(np.ptp(log.position, axis=0) > 0.0) != 1:
         return None
     ((joint, physics),) = found.items()
     if physics.inertia is None or physics.inertia <= 0.0 or physics.explained < EXPLAINED:
         return None
-    return joint, physics.inertia
+    return joint, physics.inertia, physics.explained
 
 
 def check_signs(log: Log) -> None:
@@ -168,13 +170,13 @@ def check_together(logs: Sequence[Log]) -> tuple[Finding, ...]:
 def machine_findings(logs: Sequence[Log]) -> Iterator[Finding]:
     """Whether all logs move the same inertia. Raises LogError when it differs as that of one machine never does."""
     known = [(log, item) for log in logs if (item := lone_inertia(log)) is not None]
-    for log, (joint, inertia) in known[1:]:
-        other, (same, reference) = known[0]
+    for log, (joint, inertia, explained) in known[1:]:
+        other, (same, reference, of_other) = known[0]
         ratio = max(inertia / reference, reference / inertia)
         if joint != same or ratio < OTHER_MACHINE:
             continue
         said = f"joint {joint} of {log.name} moves {inertia / reference:.2g} times the inertia of that of {other.name}"
-        if ratio >= REFUSED_MACHINE:
+        if ratio >= REFUSED_MACHINE and min(explained, of_other) > SURE:
             raise LogError(
                 f"{said}: these are recordings of different machines, or in different units",
                 remedy="Give logs of one machine in the same units",

@@ -64,6 +64,7 @@ STRUCTURAL = {
     "joint_flexibility": "FLEX",
     "joint_flexibility_load_side": "FLEX_LOAD",
     "backlash": "PLAY",
+    "backlash_load_side": "PLAY_LOAD",
     "presliding_friction": "BRISTLE",
     "payload_change": "PAYLOAD",
     "payload_change_at_rest": "GRASP",
@@ -284,14 +285,20 @@ def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
 
 @njit(cache=True, inline='always', error_model='numpy')
 def _load_side(on):
-    """Whether the encoder sits behind the spring."""
-    return FLEX_LOAD >= 0 and on[FLEX_LOAD]
+    """Whether the encoder sits behind the spring or the play."""
+    return (FLEX_LOAD >= 0 and on[FLEX_LOAD]) or (PLAY_LOAD >= 0 and on[PLAY_LOAD])
 
 
 @njit(cache=True, inline='always', error_model='numpy')
 def _flexible(on):
     """Whether the transmission is a spring."""
-    return (FLEX >= 0 and on[FLEX]) or _load_side(on)
+    return (FLEX >= 0 and on[FLEX]) or (FLEX_LOAD >= 0 and on[FLEX_LOAD])
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _playing(on):
+    """Whether the transmission has a play."""
+    return (PLAY >= 0 and on[PLAY]) or (PLAY_LOAD >= 0 and on[PLAY_LOAD])
 
 
 @njit(cache=True, inline='always', error_model='numpy')
@@ -318,19 +325,20 @@ def _joined(t, q, dq, ql, dql, rhs, p, on):
     """Accelerations of motor side and load side under the net torque rhs: (q'', q_l'', torque between the sides)."""
     inertia = p[INERTIA] + _payload(t, p, on)
     if _flexible(on):
-        first = FLEX_LOAD_P if _load_side(on) else FLEX_P
+        first = FLEX_LOAD_P if FLEX_LOAD >= 0 and on[FLEX_LOAD] else FLEX_P
         share, omega = p[first], 2.0 * math.pi * p[first + 1]
         al = omega * (omega * (q - ql) + 2.0 * p[first + 2] * (dq - dql))
         F = inertia * share * al
         return (rhs - F) / (inertia * (1.0 - share)), al, F
-    if PLAY >= 0 and on[PLAY]:
+    if _playing(on):
+        first = PLAY_LOAD_P if PLAY_LOAD >= 0 and on[PLAY_LOAD] else PLAY_P
         d = q - ql
-        half = 0.5 * p[PLAY_P]
+        half = 0.5 * p[first]
         al = 0.0
-        share = p[PLAY_P + 1]
+        share = p[first + 1]
         if abs(d) > half:
-            omega = 2.0 * math.pi * p[PLAY_P + 2]
-            al = omega * (omega * (d - math.copysign(half, d)) + 0.6 * (dq - dql))
+            omega = 2.0 * math.pi * p[first + 2]
+            al = omega * (omega * (d - math.copysign(half, d)) + 2.0 * p[first + 3] * (dq - dql))
             if al * d < 0.0:
                 al = 0.0
         F = inertia * share * al
@@ -345,7 +353,7 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
     for j in range(n):
         p = P[j]
         q, dq = S[j, Q], S[j, DQ]
-        split = _flexible(on[j]) or (PLAY >= 0 and on[j, PLAY])
+        split = _flexible(on[j]) or _playing(on[j])
         w, D[j, W], D[j, HEAT], r, level[j] = _chain(
             t, q, dq, S[j, W], S[j, HEAT], S[j, QL] if split else q, u[j], x[j], p, on[j], has[j],
             bristle[j] + extra[j], pair and j < 2)
@@ -619,7 +627,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
 @njit(cache=True, inline='always', error_model='numpy')
 def _rates_one(t, q, dq, w, heat, ql, dql, u, x, sign, stuck, p, on, has, load):
     """Scalar twin of _rates for one joint: (w, w', heat', q'', q_l'', torque less dry friction, level)."""
-    split = _flexible(on) or (PLAY >= 0 and on[PLAY])
+    split = _flexible(on) or _playing(on)
     w, change, heating, r, level = _chain(t, q, dq, w, heat, ql if split else q, u, x, p, on, has, load, False)
     rhs = r - sign * level
     a, al, F = _joined(t, q, dq, ql, dql, rhs, p, on)
@@ -639,7 +647,7 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
     p, on = #parameters#, #switches#
     has = (slots[0], slots[1], slots[2], slots[3])
     q, dq, w, lag, heat, ql, dql, z = start[0], start[1], start[2], u[0], 0.0, start[0], start[1], 0.0
-    split = _flexible(on) or (PLAY >= 0 and on[PLAY])
+    split = _flexible(on) or _playing(on)
     with_x, with_extra = x.shape[0] == T, extra_in.shape[0] == T
     t0, before, pull = t[0], 0.0, 0.0
     for k in range(T):

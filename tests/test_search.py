@@ -82,14 +82,14 @@ def test_load_dependent_friction_needs_the_split_of_the_damping() -> None:
     assert fit(problem, fixed, rounds=3, iterations=12).criterion > fitted.criterion + 100.0
 
 
-def test_the_unfiltered_view_sees_an_offset_that_the_filter_takes_for_noise() -> None:
+def test_no_view_takes_an_offset_for_noise() -> None:
     noise = 0.02 * np.random.default_rng(0).standard_normal(5000)
     problem = problem_of({"amplifier_offset": {"voltage": 0.1}}, noise)
     nominal = fit_nominal(problem, (JointStructure(),))
     views = [nominal, plain(problem, nominal)]
     candidates = [(NAMED["amplifier_offset"], 0)]
     filtered, bare = (starts[0] for starts in proposals(problem, views, candidates, sizes_of(problem, nominal)))
-    assert bare.promise > 100.0 > filtered.promise
+    assert min(bare.promise, filtered.promise) > 100.0
     assert bare.values[0, 0] == pytest.approx(0.1, rel=0.05)
 
 
@@ -175,7 +175,8 @@ def test_a_friction_law_takes_the_place_of_the_simpler_one_that_it_contains() ->
 
 
 def test_rivals_are_judged_beside_what_was_found_later() -> None:
-    problem = problem_of({"coulomb_friction": {"torque": 0.2}})
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, noise)
     nominal = fit_nominal(problem, (JointStructure(),))
     true = accepted(problem, nominal, "coulomb_friction", [0.2])
     wrong = accepted(problem, nominal, "quadratic_drag", [0.01]).scored

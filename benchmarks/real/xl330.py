@@ -57,7 +57,7 @@ def candidates() -> list[tuple[str, list[tuple[Free, ...]]]]:
         "torque_constant_saturation": [[1e-3]],
         "thermal_drift": [[0.03, 10.0]],
         "joint_flexibility": [[0.5, 30.0, 0.05]],
-        "backlash": [[0.01, 0.5, 30.0]],
+        "backlash": [[0.01, 0.5, 30.0, 0.3]],
         "cable_spring": [[0.01, 1e-3]],
         "encoder_eccentricity": [[3e-3, 3e-3]],
     }

@@ -21,10 +21,4 @@ EFFECT = Effect(
     source="Janot, Gautier, Brunot 2019",
     starts=lambda s: [(0.02 * s.command_rms,)],
     function=command,
-    expected_failures=(
-        (
-            "recovers_itself",
-            "on a linear joint it gives a constant error, which the whitening filter takes away",
-        ),
-    ),
 )

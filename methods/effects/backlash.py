@@ -1,10 +1,12 @@
 """Backlash: motor and load are joined through a play; the encoder sits on the motor.
 
-Inside the play no force acts; beyond it a stiff contact does, with the frequency of the load on it and a damping ratio
-of 0.3 (see `joint_flexibility` for the equations). With no inertia behind the play it has no effect.
+Inside the play no force acts; beyond it a stiff contact does, with the frequency and the damping ratio of the load on
+it (see `joint_flexibility` for the equations). With no inertia behind the play it has no effect.
 
 Source: M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash: a survey, Automatica 38 (2002).
 """
+
+from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter, geometric, grid
 
@@ -12,7 +14,7 @@ from methods.effects.base import Effect, EffectParameter, geometric, grid
 def starts(s):
     """Gaps relative to the motion, contacts well above the motion."""
     gaps = geometric(max(2.0 * s.encoder_step, 1e-4 * s.position_span), 0.1 * s.position_span, 2.5)
-    return grid(gaps, (0.15, 0.5), (min(30.0, 0.1 / s.sample_time),))
+    return grid(gaps, (0.15, 0.5), (min(30.0, 0.1 / s.sample_time),), (0.3,))
 
 
 EFFECT = Effect(
@@ -23,6 +25,7 @@ EFFECT = Effect(
         EffectParameter("gap", "position", "total width of the play", lower=0.0),
         EffectParameter("inertia_ratio", "ratio", "share of the inertia behind the play", lower=0.0, upper=0.98),
         EffectParameter("frequency", "frequency", "of the load on the contact, the motor standing still", lower=1e-3),
+        EffectParameter("damping_ratio", "ratio", "of the load on the contact, the motor standing still", 0.0, 2.0),
     ),
     equation=r"F = K\,(\delta - \mathrm{clip}(\delta, \pm b/2)),\ \delta = q - q_l",
     variable="direction",
@@ -30,7 +33,7 @@ EFFECT = Effect(
     amplitudes=(1,),
     starts=starts,
     tries=3,
-    excludes=("joint_flexibility", "joint_flexibility_load_side"),
+    excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side"),
     substeps=4,
     expected_failures=(
         (
@@ -39,3 +42,15 @@ EFFECT = Effect(
         ),
     ),
 )
+
+LOAD_SIDE = replace(
+    EFFECT,
+    name="backlash_load_side",
+    kind="backlash",
+    parameters=(EFFECT.parameters[0], replace(EFFECT.parameters[1], lower=0.1), *EFFECT.parameters[2:]),
+    amplitudes=(),
+    excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash"),
+    starts=lambda s: [values for values in starts(s) if values[1] == 0.5],
+)
+"""The same with the encoder behind the play, which sees it even where little inertia hangs behind it."""
+EFFECTS = (EFFECT, LOAD_SIDE)

@@ -107,6 +107,8 @@ class Effect:
         be asked: a deflection far below the encoder's step is an integrator's, not a spring's.
     tries: starting values, each of another shape, from which it is fitted before it is compared with others.
     excludes: names of effects that cannot be in the same joint.
+    neutral: for a more general form of an included law, the values of its further parameters with which both are the
+        same.
     drives: whether the motor torque enters its law, which a function of its own shows by itself.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
         `kind` is the name they share, `after` the instance that has to be there first.
@@ -126,6 +128,7 @@ class Effect:
     scan: Literal["time", "position", "event"] | None = None
     substeps: int = 1
     includes: tuple[str, ...] = ()
+    neutral: tuple[float, ...] = ()
     exchanges: str = ""
     resolved: Callable[[Sequence[float], Scales], bool] | None = None
     tries: int = 1

@@ -20,9 +20,7 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("sine", "torque", "sine part of the torque"),
         EffectParameter("cosine", "torque", "cosine part of the torque"),
-        EffectParameter(
-            "cycles_per_rev", "cycles per revolution", "cycles per revolution (2 pi per metre)", lower=1e-3
-        ),
+        EffectParameter("cycles_per_rev", "cycles per revolution", "cycles per revolution (2 pi per metre)", lower=1.5),
     ),
     equation=r"\tau_c = A\,\sin(N q + \varphi)",
     variable="position",

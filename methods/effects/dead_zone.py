@@ -45,6 +45,7 @@ GRADUAL = replace(
     ),
     equation=r"v_a = v\,[1 - v_0 / (|v|^n + v_0^n)^{1/n}]",
     includes=("dead_zone",),
+    neutral=(30.0,),
     starts=lambda s: [(0.02 * s.command_rms, sharpness) for sharpness in (2.0, 6.0)],
     function=gradual,
 )

@@ -1,6 +1,7 @@
 """Asymmetric friction: dry and viscous friction differ between the two directions.
 
-``T+ = T + torque / 2``, ``T- = T - torque / 2`` and likewise for the viscous coefficient; nothing acts at rest.
+``T+ = T + torque / 2``, ``T- = T - torque / 2`` and likewise for the viscous coefficient. A joint that dry friction
+holds is held between ``-T-`` and ``T+``.
 
 Source: B. Armstrong-Helouvry, Control of Machines with Friction, 1991 (direction-dependent Coulomb and viscous terms).
 """
@@ -9,8 +10,8 @@ from methods.effects.base import Effect, EffectParameter
 
 
 def torque(t, q, dq, w, x, p):
-    """torque / 2 (while moving) + viscous / 2 |dq|."""
-    return (0.5 * p[0] if dq != 0.0 else 0.0) + 0.5 * p[1] * abs(dq)
+    """torque / 2 + viscous / 2 |dq|; at rest it shifts the band in which dry friction holds the joint."""
+    return 0.5 * p[0] + 0.5 * p[1] * abs(dq)
 
 
 EFFECT = Effect(

@@ -44,9 +44,9 @@ LOAD_SIDE = replace(
         replace(EFFECT.parameters[2], upper=0.2),  # beyond that it is a low-pass of the sensor, no spring
     ),
     amplitudes=(),
-    excludes=("joint_flexibility", "backlash"),
+    excludes=("joint_flexibility", "backlash", "backlash_load_side"),
     starts=lambda s: [values for values in starts(s) if values[0] == 0.5],
 )
 """The same with the encoder behind the spring, which sees the spring even where no inertia hangs behind it."""
-EFFECT = replace(EFFECT, excludes=("joint_flexibility_load_side", "backlash"))
+EFFECT = replace(EFFECT, excludes=("joint_flexibility_load_side", "backlash", "backlash_load_side"))
 EFFECTS = (EFFECT, LOAD_SIDE)

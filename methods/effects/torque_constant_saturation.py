@@ -45,5 +45,6 @@ POWER = replace(
     starts=lambda s: [(0.02 / s.torque_rms**2, exponent) for exponent in (0.5, 2.0)],
     function=power,
     includes=("torque_constant_saturation",),
+    neutral=(1.0,),
 )
 EFFECTS = (EFFECT, POWER)

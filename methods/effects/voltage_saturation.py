@@ -46,6 +46,7 @@ GRADUAL = replace(
     ),
     equation=r"v_a = v / (1 + |v / v_{max}|^n)^{1/n}",
     includes=("voltage_saturation",),
+    neutral=(30.0,),
     starts=lambda s: grid((f * s.command_peak for f in (1.0, 0.8, 0.6, 0.4)), (3.0, 8.0)),
     function=gradual,
     tries=2,

@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
-from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
+from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
 from diagnosis.problem import Problem, in_band
@@ -30,6 +30,8 @@ SIMULTANEOUS = 0.2
 """Time [s] between two events that are taken for one."""
 FORM = 0.9
 """Share of the evidence for the general form of a law from which its textbook form is taken first."""
+STEADY = 0.5
+"""Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
 CLEARED = 0.1
 """What may stay unexplained, as a share of what a small effect explains, for it to be more than a repair of a law."""
 WORST: tuple[Verdict, ...] = ("unknown", "ambiguous", "named", "none")
@@ -179,7 +181,8 @@ def _find(
 class Path:
     """A way through the search: the effects accepted so far, the model with them, and where it could have gone instead.
 
-    forks: at every step the hypotheses that explained nearly as much, with the path up to there.
+    forks: at every step the hypotheses that explained nearly as much, with the path up to there. unsteady: the evidence
+    for disturbances that were refused because not all logs have them.
     """
 
     base: Fitted
@@ -188,6 +191,7 @@ class Path:
     steps: tuple[Fitted, ...]
     left: tuple[Remainder, ...] = ()
     refused: tuple[Ranked, ...] = ()
+    unsteady: float = 0.0
     forks: tuple[tuple[Path, Accepted], ...] = ()
 
     @property
@@ -223,7 +227,8 @@ class Search:
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             chosen = choose(problem, ranked, settings, explained, first=not path.accepted)
             if chosen is None:
-                path = replace(path, refused=ranking(ranked))
+                unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
+                path = replace(path, refused=ranking(ranked), unsteady=unsteady)
                 break
             forks = tuple((replace(path, forks=()), other) for other in nearly_as_good(chosen, ranked))
             path = self.advanced(replace(path, forks=path.forks + forks), chosen)
@@ -288,7 +293,10 @@ def select(
     ]
     said = verdict(problem, nominal, base, accepted, left, settings)
     patched = max((r.decrease - r.price for r in path.refused), default=0.0)
-    if accepted and patched > settings.patched * (nominal.criterion - base.criterion):
+    explained = nominal.criterion - base.criterion
+    if (accepted and patched > settings.patched * explained) or (
+        path.unsteady > max(settings.threshold, settings.inexact * explained)
+    ):
         said = "unknown"
     return Finding(said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused)
 
@@ -323,7 +331,7 @@ def choose(
     problem: Problem, ranked: list[Scored], settings: Settings, explained: float, *, first: bool
 ) -> Accepted | None:
     """The best hypothesis that is significant and material; among near equals the one with fewest parameters."""
-    ranked = textbook([s for s in ranked if is_resolved(problem, s)])
+    ranked = textbook([s for s in ranked if is_resolved(problem, s) and is_steady(problem, s)])
     if not ranked:
         return None
     top = ranked[0]
@@ -378,6 +386,26 @@ def is_resolved(problem: Problem, scored: Scored) -> bool:
         return True
     values = scored.fitted.point.parameters[0, joint, problem.kernel.own(effect)]
     return effect.resolved(values.tolist(), sizes_of(problem, scored.fitted)[joint])
+
+
+def is_steady(problem: Problem, scored: Scored) -> bool:
+    """Whether a disturbance that may begin anywhere in its period is as strong in every log, as one machine's would be.
+
+    Where it could stand in one log only, something else moves there: another axis, another excitation.
+    """
+    effect, joint = scored.effect, scored.start.hypothesis.joint
+    free = PER_LOG.get(effect.name, ())
+    if not free or problem.logs < 2:
+        return True
+    columns = [problem.kernel.own(effect).start + i for i in free]
+    size = np.sqrt(np.sum(scored.fitted.point.parameters[:, joint, columns] ** 2, axis=1))
+    known = np.zeros((problem.logs, len(free)))
+    for i, f in enumerate(scored.fitted.point.free):
+        if f.kind == "log" and f.joint == joint and f.column in columns:
+            known[f.log, columns.index(f.column)] = max(scored.fitted.covariance[i, i], 0.0)
+    deviation = np.sqrt(np.max(known, axis=1))
+    largest = int(np.argmax(size))
+    return bool(np.all(size + 3.0 * deviation > STEADY * (size[largest] - 3.0 * deviation[largest])))
 
 
 def prune(

@@ -199,12 +199,12 @@ def generalised(problem: Problem, point: Point, start: Start) -> list[Point]:
     """The more general form of a law in place of the textbook's that is in the model, with the same values."""
     effect, j = start.hypothesis.effect, start.hypothesis.joint
     found = []
-    for name in effect.includes if effect.neutral else ():
-        if point.switches[j, problem.kernel.switches[name]]:
-            first = problem.kernel.offsets[name]
-            shared = point.parameters[:, j, first : first + effect.size - len(effect.neutral)]
+    for inner in problem.kernel.effects if effect.neutral else ():
+        present = point.switches[j, problem.kernel.switches[inner.name]]
+        if present and inner.name in effect.includes and inner.label == effect.label:
+            shared = point.parameters[:, j, problem.kernel.own(inner)]
             values = np.hstack([shared, np.tile(effect.neutral, (problem.logs, 1))])
-            found.append(extend(problem, withdraw(problem, point, name, j), start.hypothesis, values))
+            found.append(extend(problem, withdraw(problem, point, inner.name, j), start.hypothesis, values))
     return found
 
 

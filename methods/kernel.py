@@ -66,6 +66,7 @@ STRUCTURAL = {
     "backlash": "PLAY",
     "backlash_load_side": "PLAY_LOAD",
     "presliding_friction": "BRISTLE",
+    "presliding_friction_power": "DAHL",
     "payload_change": "PAYLOAD",
     "payload_change_at_rest": "GRASP",
 }
@@ -453,17 +454,30 @@ def _low_pass(v, state, h, time_constant):
 
 
 @njit(cache=True, inline='always', error_model='numpy')
-def _bristle(z, dq, h, p):
+def _bristled(on):
+    """Whether there are bristles."""
+    return (BRISTLE >= 0 and on[BRISTLE]) or (DAHL >= 0 and on[DAHL])
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _bristle(z, dq, h, p, on):
     """Exact flow of the bristle at constant velocity: (mean torque over the step, deflection at the end)."""
-    top = max(p[BRISTLE_P + 1], 1e-12)
-    stiffness = p[BRISTLE_P] / top
+    general = DAHL >= 0 and on[DAHL]
+    first = DAHL_P if general else BRISTLE_P
+    top = max(p[first + 1], 1e-12)
+    stiffness = p[first] / top
     if dq == 0.0:
         return stiffness * z, z
     final = math.copysign(top, dq)
     rate = abs(dq) * h / top
     change = (final - z) * (1.0 - math.exp(-rate))
     mean = final + (z - final) * (1.0 - math.exp(-rate)) / rate
-    return stiffness * (mean + p[BRISTLE_P + 2] * change / h), z + change
+    if general and abs(p[DAHL_P + 3] - 1.0) > 1e-6:  # y = 1 - z / final falls by y' = -y^exponent
+        power = 1.0 - p[DAHL_P + 3]
+        y = max(1.0 - z / final, 1e-12)
+        change = final - z - final * max(y**power - power * rate, 0.0) ** (1.0 / power)
+        mean = z + 0.5 * change
+    return stiffness * (mean + p[first + 2] * change / h), z + change
 
 
 @njit(cache=True, error_model='numpy')
@@ -556,8 +570,8 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                     v, S[j, A] = _low_pass(v, S[j, A], h, p[LAG_P])
                 c[j] = v
                 bristle[j] = 0.0
-                if BRISTLE >= 0 and on[j, BRISTLE]:
-                    bristle[j], z[j] = _bristle(z[j], S[j, DQ], h, p)
+                if _bristled(on[j]):
+                    bristle[j], z[j] = _bristle(z[j], S[j, DQ], h, p, on[j])
             # friction by events: a joint that would reverse stops inside the step; the rest is integrated anew
             left, at, events = h, now, 0
             while left > 0.0:
@@ -679,8 +693,8 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
             if LAG >= 0 and on[LAG]:
                 v, lag = _low_pass(v, lag, h, p[LAG_P])
             load = disturbance
-            if BRISTLE >= 0 and on[BRISTLE]:
-                torque, z = _bristle(z, dq, h, p)
+            if _bristled(on):
+                torque, z = _bristle(z, dq, h, p, on)
                 load += torque
             left = h
             for event in range(7):

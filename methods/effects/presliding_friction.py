@@ -1,10 +1,13 @@
 """Presliding friction: bristles bend elastically before the joint slides (Dahl's law with bristle damping).
 
 ``z' = q' - |q'| z / deflection``, friction ``torque (z + damping_time z') / deflection``. It is linear in the torque;
-bristles that hardly bend are Coulomb friction.
+bristles that hardly bend are Coulomb friction. In Dahl's general law the bristle's slope falls with a power of what is
+left to the level of sliding, ``z' = q' (1 - sign(q') z / deflection)^exponent``.
 
 Source: P. Dahl 1968; C. Canudas de Wit et al., A new model for control of systems with friction, IEEE TAC 40 (1995).
 """
+
+from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter, geometric
 
@@ -33,3 +36,16 @@ EFFECT = Effect(
     tries=2,
     substeps=2,
 )
+
+POWER = replace(
+    EFFECT,
+    name="presliding_friction_power",
+    kind="presliding_friction",
+    parameters=(*EFFECT.parameters, EffectParameter("exponent", "ratio", "of Dahl's law", 0.5, 4.0)),
+    equation=r"\dot z = \dot q\,(1 - \mathrm{sign}(\dot q)\,\sigma_0 z/T_c)^n,\ \tau_f = \sigma_0 z + \sigma_1 \dot z",
+    includes=("presliding_friction", "coulomb_friction"),
+    neutral=(1.0,),
+    starts=lambda s: [(*values, 2.0) for values in starts(s)],
+    tries=1,
+)
+EFFECTS = (EFFECT, POWER)

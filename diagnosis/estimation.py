@@ -1,28 +1,16 @@
-"""Prediction-error estimation: simulate with a weak leak, whiten what remains, minimise it.
-
-With the leak fixed, the prediction error of a linear joint is an invertible filter of the innovations; a long
-autoregressive whitening filter therefore makes the least-squares estimate that of the prediction-error method,
-efficient
-and consistent in open and closed loop, whatever the colour of the unlogged noise (L. Ljung, System Identification,
-1999, chapters 7 and 13).
-"""
+"""Prediction-error estimation: simulate with a weak leak, whiten what remains (`whitening`), minimise it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
-from scipy.ndimage import median_filter
-from scipy.signal import firwin
 
 from diagnosis.problem import Free, Problem
+from diagnosis.projection import project
+from diagnosis.whitening import Absorption, Whitener, absorption, band_filter, whitener
 from envs.log import Array
-from methods.filters import filter_at, prediction_filter
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,75 +71,6 @@ def predicted_motion(problem: Problem, point: Point) -> Array:
     return problem.motion(point.parameters, point.switches, point.rigid, point.starts)
 
 
-@dataclass(frozen=True, eq=False)
-class Whitener:
-    """Prediction-error filters per joint (n, order + 1), leading coefficient 1, and the mask of usable samples."""
-
-    coefficients: Array
-    mask: np.ndarray
-
-    @cached_property
-    def rows(self) -> np.ndarray:
-        """Indices of the usable samples."""
-        return np.flatnonzero(self.mask)
-
-    def __call__(self, error: Array) -> Array:
-        """Innovations of errors (..., T, n), stacked over joints: (..., N n)."""
-        parts = []
-        for j, filter_ in enumerate(self.coefficients):
-            flat = np.ascontiguousarray(error[..., j]).reshape(-1, error.shape[-2])
-            if 4 * len(self.rows) < flat.shape[1]:
-                y = filter_at(flat, filter_, self.rows)
-            else:
-                y = prediction_filter(flat, filter_)[:, self.mask]
-            parts.append(y.reshape(*error.shape[:-2], -1))
-        return np.concatenate(parts, axis=-1)
-
-
-def whitener(problem: Problem, error: Array) -> Whitener:
-    """Autoregressive filter per joint by least squares (covariance method) on the errors (T, n) after the burn-in.
-
-    The lags are single ones at first and then means over blocks that grow by a quarter each (`lag_blocks`), so that few
-    coefficients reach from the encoder's rounding to the slow noise of an amplifier in a closed loop.
-
-    With a decimation the errors are band-limited by a symmetric window filter, every so many samples are kept, and the
-    autoregression runs over the kept ones; both filters are merged into one.
-    """
-    every = problem.decimation
-    blocks = lag_blocks(problem)
-    order = blocks[-1][1] - 1
-    band = band_filter(problem)
-    memory = order * every + len(band) - 1
-    mask = problem.used.copy()
-    for start, stop in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
-        first = start + int(np.argmax(problem.used[start:stop]))
-        mask[first : first + memory] = False
-        kept = np.zeros(stop - start, dtype=bool)
-        kept[::every] = True
-        mask[start:stop] &= kept
-    limited = without_lines(problem, error) if every == 1 else prediction_filter(np.ascontiguousarray(error.T), band).T
-    rows = np.flatnonzero(mask)
-    rows = rows[:: len(rows) // 40_000 + 1]
-    filters = np.zeros((problem.joints, memory + 1))
-    for j in range(problem.joints):
-        lagged = np.stack([limited[rows, j], *_lagged(limited[:, j], rows, blocks, every)])
-        gram = lagged @ lagged.T
-        ridge = 1e-12 * np.trace(gram[1:, 1:]) / len(blocks) + 1e-300
-        solution = np.linalg.solve(gram[1:, 1:] + ridge * np.eye(len(blocks)), gram[1:, 0])
-        sparse = np.zeros(order * every + 1)
-        sparse[0] = 1.0
-        for (first, last), value in zip(blocks, solution, strict=True):
-            sparse[first * every : (last - 1) * every + 1 : every] = -value / (last - first)
-        filters[j] = np.convolve(sparse, band)
-    return Whitener(filters, mask)
-
-
-def band_filter(problem: Problem) -> Array:
-    """Window filter that limits the errors to the band in which they are compared."""
-    every = problem.decimation
-    return np.ones(1) if every == 1 else firwin(6 * every + 1, 0.8 / every)
-
-
 def plain(problem: Problem, fitted: Fitted) -> Fitted:
     """The same model with its errors as they are: a filter that may have taken a missing effect for noise is put aside.
 
@@ -168,82 +87,6 @@ def plain(problem: Problem, fitted: Fitted) -> Fitted:
 
 LAGS = 60
 """Lags of the sandwich's kernel [samples]."""
-LINE = 30.0
-"""Power of a spectral line over the median around it: white noise reaches that once in 1e5 spectra."""
-LINES = 6
-"""Lines sought per log."""
-
-
-def without_lines(problem: Problem, error: Array) -> Array:
-    """Errors (T, n) less their mean and their spectral lines, which noise does not have.
-
-    A long autoregression would otherwise imitate an offset or a periodic disturbance and call it noise. Where the
-    motion itself is one sine, its harmonics are left: they are the rounding's as well as the model's.
-    """
-    cleaned = error.copy()
-    for a, b in pairwise(problem.bounds):
-        window = slice(a + int(np.argmax(problem.used[a:b])), b)
-        cleaned[window] -= np.mean(cleaned[window], axis=0)
-        for j in range(problem.joints):
-            waves = _lines(error[window, j], problem.reading[window, j])
-            if len(waves):
-                basis = np.concatenate([waves.real, waves.imag])
-                taper = np.hanning(waves.shape[1])  # against what leaks from slow parts of the error
-                cleaned[window, j] -= project(basis * taper, error[window, j] * taper)[0] @ basis
-    return cleaned
-
-
-def _lines(error: Array, reading: Array) -> NDArray[np.complex128]:
-    """Complex waves (lines, T) at the frequencies at which the spectrum of an error (T,) has a line."""
-    count = len(error)
-    taper = np.hanning(count)
-    power = np.abs(np.fft.rfft((error - error.mean()) * taper)) ** 2
-    around = median_filter(power, 41, mode="nearest")
-    strong = power > LINE * np.maximum(around, 1e-300)
-    strong[:12] = False
-    peaks = np.flatnonzero(strong[1:-1] & (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
-    moved = np.abs(np.fft.rfft((reading - reading.mean()) * taper)) ** 2
-    main = int(np.argmax(moved))
-    if main > 4 and moved[main - 2 : main + 3].sum() > 0.9 * moved.sum():
-        away = np.abs(peaks / main - np.round(peaks / main)) * main
-        peaks = peaks[away > 2.5]
-    peaks = peaks[np.argsort(power[peaks])[::-1][:LINES]]
-    left, centre, right = (np.sqrt(power[peaks + k]) for k in (-1, 0, 1))
-    # the main lobe of a Hann window tells the place between bins from its neighbours' amplitudes
-    shift = np.where(right > left, (2 * right - centre) / (right + centre), -(2 * left - centre) / (left + centre))
-    place = (peaks + shift)[:, None]
-    return np.exp(2j * np.pi * place * np.arange(count) / count)
-
-
-def _lagged(signal: Array, rows: np.ndarray, blocks: Sequence[tuple[int, int]], every: int) -> list[Array]:
-    """Means of the signal (T,) over blocks of lags, at the rows."""
-    found = []
-    total = np.concatenate([np.zeros(every), signal])  # cumulative sums over every `every`-th sample
-    for phase in range(every):
-        total[phase::every] = np.cumsum(total[phase::every])
-    for first, last in blocks:
-        if last - first == 1:
-            found.append(signal[rows - first * every])
-        else:
-            newest, before = rows - (first - 1) * every, rows - (last - 1) * every
-            found.append((total[newest] - total[before]) / (last - first))
-    return found
-
-
-def lag_blocks(problem: Problem) -> list[tuple[int, int]]:
-    """Blocks of lags (first, last + 1): single ones over 40 ms (12 to 32 lags), then growing to half a second.
-
-    The reach is at most a twentieth of the shortest log. Four single lags where errors are compared in a narrow band.
-    """
-    if problem.decimation > 1:
-        return [(i, i + 1) for i in range(1, 5)]
-    shortest = int(np.min(np.diff(problem.bounds)))
-    reach = min(round(0.5 / problem.sample_time), shortest // 20)
-    single = int(np.clip(round(0.04 / problem.sample_time), 12, 32))
-    blocks = [(i, i + 1) for i in range(1, single + 1)]
-    while (first := blocks[-1][1]) < reach:
-        blocks.append((first, min(first + max(2, first // 4), max(reach, first + 2))))
-    return blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,9 +190,10 @@ def fit(
 ) -> Fitted:
     """Levenberg-Marquardt on the innovations; the whitening filter is renewed between rounds and, if `renewed`, after.
 
-    Sensitivities serve for several steps, as long as these get on; iterations: how often a round computes them.
-    tolerance: relative decrease of the mean square below which a round ends. known: whitened sensitivities (K, N n) of
-    the first K parameters, taken for constant, in a fit of one round that only has to tell hypotheses apart.
+    Such a filter also moves with the parameters in every step (`whitening.Absorption`). Sensitivities serve for several
+    steps, as long as these get on; iterations: how often a round computes them. tolerance: relative decrease of the
+    mean square below which a round ends. known: whitened sensitivities (K, N n) of the first K parameters, taken for
+    constant, in a fit of one round that only has to tell hypotheses apart.
     """
     error = errors(problem, [point])[0]
     lower = np.array([f.lower for f in point.free])
@@ -359,7 +203,10 @@ def fit(
     first = 0 if known is None else len(known)
     damping, count, age = 1e-3, 0, 0
     slopes: Array | None = None  # taken `age` steps ago
+    absorbed: Absorption | None = None
+    systems: list[tuple[Array, Array | None]] | None = None
     filter_ = filter_ or whitener(problem, error)
+    scale = np.ones(0)
     for turn in range(rounds):
         if turn:
             filter_ = whitener(problem, error)
@@ -369,32 +216,36 @@ def fit(
                 if not left:
                     break
                 slopes, jacobian = sensitivities(problem, point, error, first=first), None
+                if renewed and filter_.solution is not None and (known is None or absorbed is None):
+                    absorbed = absorption(problem, error, filter_)
                 age, left, count = 0, left - 1, count + 1
-            if jacobian is None:
-                jacobian = _jacobian(filter_, slopes, known)
             innovation = filter_(error)
-            scale = weights(innovation, problem.joints)
+            if jacobian is None:
+                jacobian, systems = _jacobian(filter_, slopes, known), None
+                scale = weights(innovation, problem.joints)
             away = point.vector - centre
             base = float(np.sum((innovation * scale) ** 2) + away**2 @ certainty)
-            scaled = jacobian * scale
-            gram = scaled @ scaled.T + np.diag(certainty)
-            gradient = scaled @ (innovation * scale) + certainty * away
-            if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(gradient)) and np.max(np.diag(gram)) > 0.0):
+            if systems is None:
+                systems = _systems(jacobian, scale, np.diag(certainty), absorbed)
+            gradient = (jacobian * scale) @ (innovation * scale) + certainty * away
+            if not (np.all(np.isfinite(systems[0][0])) and np.all(np.isfinite(gradient)) and np.any(systems[0][0])):
                 break
-            diagonal = np.maximum(np.diag(gram), 1e-30 * max(np.max(np.diag(gram)), 1e-300))
-            root = np.sqrt(diagonal)
             trials = []
-            for factor in (damping * 0.1, damping * 100.0):
-                matrix = gram + factor * np.diag(diagonal)
-                step = np.linalg.lstsq(matrix / np.outer(root, root), -gradient / root, rcond=1e-13)[0]
-                vector = np.clip(point.vector + step / root, lower, upper)
-                trials.append((factor, point.at(vector)))
-            outcomes = errors(problem, [trial for _, trial in trials])
+            for gram, follow in systems:
+                diagonal = np.maximum(np.diag(gram), 1e-30 * max(np.max(np.diag(gram)), 1e-300))
+                root = np.sqrt(diagonal)
+                for factor in (damping * 0.1, damping * 100.0):
+                    matrix = gram + factor * np.diag(diagonal)
+                    step = np.linalg.lstsq(matrix / np.outer(root, root), -gradient / root, rcond=1e-13)[0]
+                    vector = np.clip(point.vector + step / root, lower, upper)
+                    own = filter_ if follow is None else filter_.moved(follow @ (vector - point.vector))
+                    trials.append((factor, point.at(vector), own))
+            outcomes = errors(problem, [trial for _, trial, _ in trials])
             costs = [
-                float(np.sum((filter_(outcome) * scale) ** 2) + (trial.vector - centre) ** 2 @ certainty)
+                float(np.sum((own(outcome) * scale) ** 2) + (trial.vector - centre) ** 2 @ certainty)
                 if problem.credible(outcome)
                 else np.inf
-                for outcome, (_, trial) in zip(outcomes, trials, strict=True)
+                for outcome, (_, trial, own) in zip(outcomes, trials, strict=True)
             ]
             best = int(np.argmin(costs))
             if not costs[best] < base:
@@ -406,7 +257,7 @@ def fit(
                 damping *= 1e4
                 continue
             damping = max(trials[best][0], 1e-7)
-            point, error = trials[best][1], outcomes[best]
+            point, error, filter_ = trials[best][1], outcomes[best], trials[best][2]
             age += 1
             if costs[best] > base * (1.0 - tolerance):
                 if (
@@ -417,6 +268,22 @@ def fit(
     if renewed:
         filter_ = whitener(problem, error)
     return finish(problem, point, error, filter_, count, known, slopes if age <= 1 else None)
+
+
+def _systems(
+    jacobian: Array, scale: Array, prior: Array, absorbed: Absorption | None
+) -> list[tuple[Array, Array | None]]:
+    """Matrices (P, P) of the normal equations for sensitivities (P, N n): for a filter that stays, and for one that
+    follows the parameters, which comes with the change (n, k, P) of its coefficients."""
+    scaled = jacobian * scale
+    found: list[tuple[Array, Array | None]] = [(scaled @ scaled.T + prior, None)]
+    if absorbed is not None:
+        some = absorbed.samples(scaled)
+        rest = absorbed.left(some)
+        share = some.shape[2] / (scaled.shape[1] / len(some))
+        follow = absorbed.followed(absorbed.samples(jacobian))
+        found.append((np.einsum("npr,nqr->pq", rest, rest, optimize=True) / share + prior, follow))
+    return found
 
 
 REUSED = 4
@@ -489,16 +356,3 @@ def covariance(fitted: Fitted) -> Array:
     plain = np.diag(fitted.covariance)
     wider = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(plain, 1e-300), 1.0))
     return fitted.covariance * np.outer(wider, wider)
-
-
-def project(basis: Array, target: Array) -> tuple[Array, float]:
-    """Least-squares coefficients of target (N,) on basis (K, N) and the decrease of the sum of squares."""
-    gram = basis @ basis.T
-    diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    right = basis @ target
-    try:
-        factor = cho_factor(gram / np.outer(diagonal, diagonal) + 1e-10 * np.eye(len(gram)))
-        coefficients = cho_solve(factor, right / diagonal) / diagonal
-    except np.linalg.LinAlgError:
-        coefficients = np.linalg.lstsq(gram, right, rcond=1e-10)[0]
-    return coefficients, float(right @ coefficients)

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.signal import fftconvolve
 
-from diagnosis.estimation import Fitted, Point, errors, predicted_motion, project, weights
+from diagnosis.estimation import Fitted, Point, errors, predicted_motion, weights
 from diagnosis.problem import Free, Problem, scales, smooth_derivatives
+from diagnosis.projection import project
+from diagnosis.whitening import Absorption, absorption
 from envs.log import Array
 from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL
@@ -25,6 +27,8 @@ OTHER = 1.5
 VISCOUS, BACK_EMF = "viscous", "back_emf"
 DAMPING = 0.5
 """Share of the damping by which its mechanical part may differ from the stated one (one standard deviation)."""
+SAMPLES = 500.0
+"""Scale of an event's instant: its derivative is taken over half a sample."""
 CYCLES = 40_000
 """Most cycles per revolution (or per metre) that are scanned."""
 PER_LOG = {"periodic_disturbance": (0, 1)}
@@ -48,7 +52,8 @@ class Hypothesis:
 class Start:
     """A hypothesis with values (L, size) to begin from and the decrease of the criterion that they promise.
 
-    others: values of other shapes, next best first, as many as the effect wants to be tried.
+    others: values of other shapes, next best first, as many as the effect wants to be tried. shift: change of the free
+    parameters of the model without it that goes with the values, to first order.
     """
 
     hypothesis: Hypothesis
@@ -56,6 +61,7 @@ class Start:
     promise: float
     searched: int = 1
     others: tuple[Array, ...] = ()
+    shift: Array | None = None
 
 
 def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array) -> Point:
@@ -72,6 +78,8 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
     for i, parameter in enumerate(effect.parameters):
         size = float(np.max(np.abs(values[:, i])))
         size = size if size > 0 else 1e-3
+        if effect.scan == "event" and parameter.name == "time":
+            size = SAMPLES * problem.sample_time
         per_log = range(problem.logs) if i in PER_LOG.get(effect.name, ()) else (hypothesis.log,)
         for log in per_log:
             name = f"{effect.name}.{parameter.name}@{j}" + (f"#{log}" if log >= 0 else "")
@@ -125,11 +133,12 @@ def proposals(
             jobs += [
                 (Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), len(every)) for v in every
             ]
+    seen = [View.of(problem, view) for view in views]
     found: list[dict[str, list[Start]]] = [{} for _ in views]
     for hypothesis, values, searched in jobs:
         # an event in all logs and one in a single log are told apart by a fit only
         key = f"{hypothesis.effect.name}@{hypothesis.joint}" + ("#" if hypothesis.log >= 0 else "")
-        for own, start in zip(found, _regress(problem, views, hypothesis, values, searched), strict=True):
+        for own, start in zip(found, _regress(problem, seen, hypothesis, values, searched), strict=True):
             own.setdefault(key, []).append(start)
     lists = []
     for own in found:
@@ -169,15 +178,57 @@ def _other_shape(effect: Effect, one: Array, other: Array) -> bool:
     return any(ratio)
 
 
+@dataclass(frozen=True, eq=False)
+class View:
+    """A fit as a regression sees it: residuals (n, R) and sensitivities of its parameters (n, P, R) at some samples.
+
+    Where the filter is an autoregression that every hypothesis has anew, what it would take away is left out.
+    """
+
+    fitted: Fitted
+    noise: Array
+    taken: Absorption | None
+    residual: Array
+    jacobian: Array
+
+    @classmethod
+    def of(cls, problem: Problem, fitted: Fitted) -> View:
+        """The view of a fit, its errors being those of the fit."""
+        noise = weights(fitted.innovation, problem.joints)
+        plain = cls(fitted, noise, None, fitted.innovation * noise, fitted.jacobian)
+        if not fitted.filtered or fitted.whitener.solution is None:
+            return plain
+        taken = absorption(problem, fitted.error, fitted.whitener)
+        residual = taken.samples(plain.residual[None])[:, 0].ravel()
+        return replace(plain, taken=taken, residual=residual, jacobian=_flat(taken.left(taken.samples(plain.jacobian))))
+
+    def sensitivities(self, difference: Array) -> Array:
+        """Differences of errors (A, T, n) as rows of the regression."""
+        rows = self.fitted.whitener(difference) * self.noise
+        return rows if self.taken is None else _flat(self.taken.left(self.taken.samples(rows)))
+
+    def promise(self, problem: Problem, left: Array) -> float:
+        """Decrease of -2 log likelihood that residuals (R n,) in units of the view's rms stand for."""
+        gained = (float(self.residual @ self.residual) - float(left @ left)) / left.size
+        count = self.fitted.samples if self.fitted.filtered else effective_samples(left, problem.joints)
+        share = gained * self.fitted.samples / self.fitted.total
+        return float(-count * np.log(max(1.0 - share, 1e-12)))
+
+
+def _flat(parts: Array) -> Array:
+    """Signals (n, P, R) as rows (P, n R)."""
+    return np.concatenate(list(parts), axis=1)
+
+
 def _regress(
     problem: Problem,
-    views: Sequence[Fitted],
+    views: Sequence[View],
     hypothesis: Hypothesis,
     values: Array,
     searched: int,
 ) -> list[Start]:
     """The start that each view proposes, amplitudes scaled by linear regression."""
-    effect, base = hypothesis.effect, views[0]
+    effect, base = hypothesis.effect, views[0].fitted
     trials, slots = [], []
     for a in effect.amplitudes or (-1,):
         single = values.copy()
@@ -202,31 +253,26 @@ def _regress(
     stacked = np.stack(columns)
     starts = []
     for view in views:
-        noise = weights(view.innovation, problem.joints)
-        residual, sensitivity = view.innovation * noise, view.whitener(stacked) * noise
+        sensitivity, residual = view.sensitivities(stacked), view.residual
         adjusted = values.copy()
         if effect.amplitudes:
             basis = np.vstack([view.jacobian, sensitivity])
             coefficients = project(basis, -residual)[0]
             left = residual + coefficients @ basis
+            shift = coefficients[: len(view.jacobian)]
             for (a, log), c in zip(owners, coefficients[len(view.jacobian) :], strict=True):
                 rows = slice(None) if log < 0 else log
                 factor = np.clip(c, -50.0, 50.0)
                 if effect.parameters[a].lower == 0.0 and factor <= 0.0:
-                    factor, left = 0.02, 0.3 * left + 0.7 * residual
+                    factor, left, shift = 0.02, 0.3 * left + 0.7 * residual, 0.0 * shift
                 scaled = values[rows, a] * factor
                 adjusted[rows, a] = np.clip(scaled, effect.parameters[a].lower, 0.9 * effect.parameters[a].upper)
         else:
             changed = residual + sensitivity[0]
-            left = changed - project(view.jacobian, changed)[0] @ view.jacobian
-        starts.append(Start(hypothesis, adjusted, _promise(problem, view, left), searched))
+            shift = -project(view.jacobian, changed)[0]
+            left = changed + shift @ view.jacobian
+        starts.append(Start(hypothesis, adjusted, view.promise(problem, left), searched, shift=shift))
     return starts
-
-
-def _promise(problem: Problem, view: Fitted, left: Array) -> float:
-    """Decrease of -2 log likelihood that residuals (N n,) in units of the view's rms stand for."""
-    count = left.size if view.filtered else effective_samples(left, problem.joints)
-    return float(-count * np.log(max(1.0 - (left.size - float(left @ left)) / view.total, 1e-12)))
 
 
 # ---------------------------------------------------------------------------------------------------------------- scans

@@ -12,9 +12,10 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.estimation import Fitted, errors, predicted_motion, project, weights
+from diagnosis.estimation import Fitted, errors, predicted_motion, weights
 from diagnosis.hypotheses import adjoint
 from diagnosis.problem import Problem, excitation_band
+from diagnosis.projection import project
 from envs.log import Array
 
 

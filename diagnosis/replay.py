@@ -16,8 +16,9 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter, savgol_filter
 
-from diagnosis.estimation import Fitted, Point, Whitener, errors
+from diagnosis.estimation import Fitted, Point, errors
 from diagnosis.problem import Problem, smooth_derivatives
+from diagnosis.whitening import Whitener
 from envs.log import Array
 from methods.compensated_kernel import compensated, pack
 from methods.kernel import NOMINAL

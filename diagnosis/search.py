@@ -10,6 +10,7 @@ import numpy as np
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, weights
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.problem import Problem
+from diagnosis.whitening import whitener
 from envs.log import Array
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL
@@ -23,6 +24,8 @@ NEARLY = 0.5
 """Share of its price that a hypothesis has to promise to be fitted."""
 FAR = 0.02
 """Share of the best promise below which a hypothesis is not fitted."""
+HOPE = 0.5
+"""Share of its promise that a first fit is given credit for; far from the optimum it may have stopped short."""
 MOVES = 6
 """Moves of an event's instant, each by up to 256 samples."""
 WORTH = 0.3
@@ -129,10 +132,31 @@ def roughly(problem: Problem, view: Fitted, start: Start, *, renewed: bool = Tru
     """First fits of a hypothesis from each of its starting values, with the view's filter; its sensitivities stay."""
     known = view.jacobian / weights(view.innovation, problem.joints)
     points = [extend(problem, view.point, start.hypothesis, values) for values in (start.values, *start.others)]
+    if start.shift is not None:
+        moved = extend(problem, shifted(view.point, start.shift), start.hypothesis, start.values)
+        outcomes = errors(problem, [moved, points[0]])
+        filters = [whitener(problem, e) if renewed else view.whitener for e in outcomes]
+        beside, at = (np.sum(own(e) ** 2) for own, e in zip(filters, outcomes, strict=True))
+        points[0] = moved if beside < at else points[0]
     return [
-        fit(problem, p, view.whitener, rounds=1, iterations=3, tolerance=1e-3, known=known, renewed=renewed)
+        fit(
+            problem,
+            p,
+            None if renewed else view.whitener,
+            rounds=1,
+            iterations=3,
+            tolerance=1e-3,
+            known=known,
+            renewed=renewed,
+        )
         for p in points
     ]
+
+
+def shifted(point: Point, shift: Array) -> Point:
+    """The model with its free parameters moved, within their bounds."""
+    lower, upper = (np.array([getattr(f, name) for f in point.free]) for name in ("lower", "upper"))
+    return point.at(np.clip(point.vector + shift, lower, upper))
 
 
 def further(problem: Problem, view: Fitted, starts: Sequence[Start]) -> list[tuple[Start, Fitted]]:
@@ -151,10 +175,13 @@ def further(problem: Problem, view: Fitted, starts: Sequence[Start]) -> list[tup
 
 def _converged(problem: Problem, base: Fitted, rough: Sequence[Scored], finals: int) -> list[Scored]:
     """The hypotheses in order of their evidence, the first ones fitted until they have converged."""
-    rough = sorted(rough, key=lambda s: -s.evidence)
+    hoped = lambda s: max(s.decrease, HOPE * s.start.promise)  # noqa: E731
+    first: dict[tuple[str, int], Scored] = {}
+    for scored in sorted(rough, key=lambda s: -s.evidence):
+        first.setdefault((scored.name, scored.start.hypothesis.joint), scored)
     final: list[Scored] = []
-    for scored in rough[: finals + 1]:
-        if final and scored.decrease < 0.2 * final[0].decrease:
+    for scored in sorted(first.values(), key=lambda s: s.price - hoped(s))[: finals + 1]:
+        if final and hoped(scored) < 0.2 * max(s.decrease for s in final):
             break
         fitted = fit(problem, scored.fitted.point, scored.fitted.whitener, rounds=2, iterations=4)
         final.append(replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion))
@@ -163,7 +190,7 @@ def _converged(problem: Problem, base: Fitted, rough: Sequence[Scored], finals: 
     if sum(near) > 1:  # near equals are told apart only when all of them have converged
         final = [polish(problem, base, s, 6) if is_near else s for s, is_near in zip(final, near, strict=True)]
     best: dict[tuple[str, int], Scored] = {}
-    for scored in sorted([*final, *rough[len(final) :]], key=lambda s: -s.evidence):
+    for scored in sorted([*final, *rough], key=lambda s: -s.evidence):
         best.setdefault((scored.name, scored.start.hypothesis.joint), scored)
     return list(best.values())
 

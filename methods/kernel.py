@@ -174,12 +174,12 @@ def _source(kernel: Kernel) -> str:
         template = template.replace(f"    #{slot}#", "\n".join(lines) or "    pass")
         template = template.replace(f"#any_{slot}#", " or ".join(f"on[{c}]" for c in columns) or "False")
     for symbol, array, count in (
-        ("parameters", "whole", kernel.columns + 2),
+        ("parameters", "whole", kernel.columns + 3),
         ("switches", "switches", len(kernel.effects)),
     ):
         values = ", ".join(f"{array}[{i}]" for i in range(count))
         template = template.replace(f"#{symbol}#", f"({values},)")
-    constants = [f"ELECTRICAL_RATE, MOBILITY = {kernel.columns}, {kernel.columns + 1}"]
+    constants = [f"ELECTRICAL_RATE, MOBILITY, STEP = {kernel.columns}, {kernel.columns + 1}, {kernel.columns + 2}"]
     for effect_name, symbol in STRUCTURAL.items():
         constants.append(f"{symbol} = {kernel.switches.get(effect_name, -1)}")
         constants.append(f"{symbol}_P = {kernel.offsets.get(effect_name, 0)}")
@@ -306,8 +306,8 @@ def _playing(on):
 def _payload(t, p, on):
     """Inertia that has been picked up by time t."""
     added = 0.0
-    if PAYLOAD >= 0 and on[PAYLOAD] and t >= p[PAYLOAD_P + 1]:
-        added += p[PAYLOAD_P]
+    if PAYLOAD >= 0 and on[PAYLOAD]:  # over one step, so that its instant has a derivative
+        added += p[PAYLOAD_P] * min(max((t - p[PAYLOAD_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
     if GRASP >= 0 and on[GRASP] and t >= p[GRASP_P + 1]:
         added += p[GRASP_P]
     return added
@@ -431,15 +431,16 @@ def _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on):
 
 @njit(cache=True, error_model='numpy')
 def _resolved(P, h):
-    """Parameters (n, columns + 2) in which a winding lag too short for steps of h acts as a delay: its sign is turned.
+    """Parameters (n, columns + 3) in which a winding lag too short for steps of h acts as a delay: its sign is turned.
 
-    The last two are the reciprocals of winding lag and inertia.
+    The last ones are the reciprocals of winding lag and inertia, and the step.
     """
-    Q = np.zeros((P.shape[0], MOBILITY + 1))
+    Q = np.zeros((P.shape[0], STEP + 1))
     Q[:, :ELECTRICAL_RATE] = P
     for j in range(Q.shape[0]):
         Q[j, ELECTRICAL_RATE] = 1.0 / Q[j, ELECTRICAL] if Q[j, ELECTRICAL] > 0.0 else 0.0
         Q[j, MOBILITY] = 1.0 / Q[j, INERTIA]
+        Q[j, STEP] = h
         if Q[j, ELECTRICAL] < 0.5 * h:
             Q[j, ELECTRICAL] = -Q[j, ELECTRICAL]
     return Q

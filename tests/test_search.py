@@ -5,17 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.engine import Accepted, Settings, confirmed, merged
+from diagnosis.engine import Accepted, Settings, choose, coincides, confirmed, is_steady, merged, textbook
 from diagnosis.estimation import errors, fit, plain
-from diagnosis.hypotheses import Hypothesis, effective_samples, extend, proposals, sizes_of, withdraw
-from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.hypotheses import Hypothesis, Start, effective_samples, extend, proposals, sizes_of, withdraw
+from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
 from diagnosis.problem import Problem, stack
-from diagnosis.search import Scored, exchanged, price
+from diagnosis.search import Scored, exchanged, generalised, price
+from diagnosis.whitening import absorption, whitener
 from envs.log import Array, JointFacts, Log
 from methods.base import State
 from methods.effects import built_in
 from methods.effects.base import Effect, geometric
-from methods.kernel import build
+from methods.kernel import NOMINAL, build
 from methods.structured import StructuredJoint, StructuredModel
 
 EFFECTS = built_in()
@@ -152,8 +153,6 @@ def accepted(problem: Problem, base, name: str, values: list[float]) -> Accepted
     """An effect that was fitted on top of a base."""
     hypothesis = Hypothesis(NAMED[name], 0)
     fitted = fit(problem, extend(problem, base.point, hypothesis, np.array([values])), rounds=3, iterations=12)
-    from diagnosis.hypotheses import Start
-
     start = Start(hypothesis, np.array([values]), 0.0)
     return Accepted(
         Scored(start, fitted, base.criterion - fitted.criterion, price(problem, start, base.samples)), 0.1, ()
@@ -175,7 +174,7 @@ def test_a_friction_law_takes_the_place_of_the_simpler_one_that_it_contains() ->
 
 
 def test_rivals_are_judged_beside_what_was_found_later() -> None:
-    noise = 1e-4 * np.random.default_rng(0).standard_normal(5000)
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(5000)
     problem = problem_of({"coulomb_friction": {"torque": 0.2}}, noise)
     nominal = fit_nominal(problem, (JointStructure(),))
     true = accepted(problem, nominal, "coulomb_friction", [0.2])
@@ -225,3 +224,142 @@ def test_reused_sensitivities_lead_to_the_same_optimum() -> None:
     again = fit(problem, fitted.point, rounds=3, iterations=20)
     assert fitted.criterion - again.criterion < 6.0  # the filter goes on settling
     assert np.array_equal(errors(problem, [fitted.point])[0], fitted.error)
+
+
+@pytest.mark.parametrize(("command", "moves"), [(0.28, False), (0.32, True), (-0.08, False), (-0.12, True)])
+def test_asymmetric_friction_holds_a_joint_at_rest(command: float, moves: bool) -> None:
+    """T+ = 0.3 and T- = 0.1: mean friction 0.2, difference 0.2."""
+    effects = {"coulomb_friction": {"torque": 0.2}, "friction_asymmetry": {"torque": 0.2, "viscous": 0.0}}
+    bare = {"inertia": 0.07, "viscous": 0.01, "back_emf": 0.0, "electrical_time_constant": 0.0}
+    model = StructuredModel((StructuredJoint(1, "torque", bare, effects),), DT, None, EFFECTS)
+    motion = model.simulate(DT * np.arange(200), np.full((200, 1), command), State.at_rest(0.0))
+    assert bool(np.ptp(motion.position) > 0.0) == moves
+
+
+def test_the_filter_follows_a_parameter_to_first_order() -> None:
+    """The autoregression estimated anew after a small step of a parameter is the one that the absorption predicts."""
+    noise = np.convolve(np.random.default_rng(0).standard_normal(5000), np.ones(30) / 300, mode="same")
+    problem = problem_of({"cable_spring": {"stiffness": 0.05, "pull": 0.0}}, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    hypothesis = Hypothesis(NAMED["cable_spring"], 0)
+    one, other = (extend(problem, nominal.point, hypothesis, np.array([[k, 0.0]])) for k in (0.0, 1e-3))
+    before, after = errors(problem, [one, other])
+    filter_ = whitener(problem, before)
+    part = absorption(problem, before, filter_)
+    change = part.samples(filter_(after - before)[None])
+    predicted = filter_.moved(part.followed(change)[..., 0]).solution
+    actual = whitener(problem, after).solution
+    assert predicted is not None
+    assert np.linalg.norm(predicted - actual) < 0.7 * np.linalg.norm(filter_.solution - actual)
+    left = part.left(change)
+    assert np.max(np.abs(part.lagged[0] @ left[0].T)) < 1e-6 * np.max(np.abs(part.lagged[0] @ change[0].T))
+
+
+def test_the_textbook_form_of_a_law_comes_first() -> None:
+    def scored(name: str, decrease: float) -> Scored:
+        start = Start(Hypothesis(NAMED[name], 0), np.zeros((1, NAMED[name].size)), decrease)
+        return Scored(start, None, decrease, 0.0)  # type: ignore[arg-type]
+
+    names = lambda ranked: [s.name for s in textbook(ranked)]  # noqa: E731
+    general = scored("quadratic_drag_power", 100.0)
+    assert names([general, scored("quadratic_drag", 95.0)]) == ["quadratic_drag"]
+    assert names([general, scored("quadratic_drag", 50.0)]) == ["quadratic_drag_power"]
+    assert names([scored("dead_zone", 60.0), general]) == ["quadratic_drag_power", "dead_zone"]
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("quadratic_drag", [0.03]),
+        ("dead_zone", [0.1]),
+        ("voltage_saturation", [2.0]),
+        ("torque_constant_saturation", [0.1]),
+        ("presliding_friction", [0.1, 0.05, 0.001]),
+    ],
+)
+def test_a_general_form_begins_where_the_textbook_form_is(name: str, values: list[float]) -> None:
+    problem = problem_of({})
+    base = extend(
+        problem, fit_nominal(problem, (JointStructure(),)).point, Hypothesis(NAMED[name], 0), np.array([values])
+    )
+    (general,) = (effect for effect in EFFECTS if effect.label == name and effect.neutral)
+    (point,) = generalised(problem, base, Start(Hypothesis(general, 0), np.zeros((1, general.size)), 0.0))
+    assert not point.switches[0, KERNEL.switches[name]]
+    same, own = errors(problem, [base, point])
+    bare = errors(problem, [fit_nominal(problem, (JointStructure(),)).point])[0]
+    assert np.std(own - same) < 0.03 * np.std(bare - same)
+
+
+def test_a_disturbance_is_as_strong_in_every_log() -> None:
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(5000)
+    hum = {"periodic_disturbance": {"sine": 0.1, "cosine": 0.0, "frequency": 4.1}}
+    for second, steady in ((hum, True), ({}, False)):
+        problem = stack(KERNEL, [record(hum, noise), record(second, noise)], (1,))
+        nominal = fit_nominal(problem, (JointStructure(),))
+        hypothesis, values = Hypothesis(NAMED["periodic_disturbance"], 0), np.array([[0.1, 0.0, 4.1], [0.1, 0.0, 4.1]])
+        fitted = fit(problem, extend(problem, nominal.point, hypothesis, values), rounds=3, iterations=12)
+        scored = Scored(Start(hypothesis, values, 0.0), fitted, nominal.criterion - fitted.criterion, 50.0)
+        assert scored.evidence > 100.0
+        assert is_steady(problem, scored) == steady
+        chosen = choose(problem, [scored], Settings(), 0.0, first=True)
+        assert (chosen is not None) == steady
+
+
+def test_one_event_has_one_name() -> None:
+    problem = problem_of({"payload_change": {"inertia": 0.03, "time": 5.0}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    payload = accepted(problem, nominal, "payload_change", [0.03, 5.0])
+    at_once, later = (accepted(problem, nominal, "collision", [0.1, t, 0.05, 0.3]).scored for t in (5.1, 8.0))
+    point = extend(problem, nominal.point, Hypothesis(NAMED["collision"], 0), np.array([[0.1, 5.1, 0.05, 0.3]]))
+    assert coincides(problem, replace(at_once, fitted=replace(at_once.fitted, point=point)), [payload])
+    point = extend(problem, nominal.point, Hypothesis(NAMED["collision"], 0), np.array([[0.1, 8.0, 0.05, 0.3]]))
+    assert not coincides(problem, replace(later, fitted=replace(later.fitted, point=point)), [payload])
+
+
+@pytest.mark.parametrize("name", ["payload_change", "collision"])
+def test_the_instant_of_an_event_has_a_derivative(name: str) -> None:
+    """A quarter of a sample changes the errors a quarter as much as a whole one."""
+    problem = problem_of({})
+    nominal = fit_nominal(problem, (JointStructure(),)).point
+    values = {"payload_change": [0.03, 5.0], "collision": [0.2, 5.0, 0.1, 0.5]}[name]
+    points = []
+    for shift in (0.0, 0.25, 1.0):
+        moved = np.array([values])
+        moved[0, 1] += shift * DT
+        points.append(extend(problem, nominal, Hypothesis(NAMED[name], 0), moved))
+    at, quarter, whole = errors(problem, points)
+    assert np.linalg.norm(quarter - at) == pytest.approx(0.25 * np.linalg.norm(whole - at), rel=0.2)
+
+
+def test_waves_are_found_on_a_long_way() -> None:
+    """Cogging of 150 cycles per revolution on a joint that turns six times: a grid of 4000 would end before."""
+    time = DT * np.arange(10_000)
+    command = (2.0 * np.sin(0.4 * time) + 0.5 * np.sin(2.1 * time))[:, None]
+    effects = {"cogging_torque": {"sine": 0.03, "cosine": 0.02, "cycles_per_rev": 150.0}}
+    joint = {"inertia": 0.07, "viscous": 0.3, "back_emf": 0.0, "electrical_time_constant": 0.0}
+    model = StructuredModel((StructuredJoint(1, "torque", joint, effects),), DT, None, EFFECTS)
+    motion = model.simulate(time, command, State.at_rest(0.0))
+    facts = JointFacts(input="torque", position_unit="rad", encoder_step=STEP)
+    log = Log(time, command, STEP * np.round(motion.position / STEP), (1,), facts=(facts,), name="far")
+    problem = stack(KERNEL, [log], (1,))
+    nominal = fit_nominal(problem, (JointStructure(input="torque", electrical=False),))
+    views = [nominal, plain(problem, nominal)]
+    starts = proposals(problem, views, [(NAMED["cogging_torque"], 0)], sizes_of(problem, nominal))[0]
+    assert np.ptp(motion.position) > 4.0 * np.pi
+    assert starts[0].values[0, 2] == pytest.approx(150.0, abs=0.5)
+
+
+def test_a_stated_torque_limit_acts_only_where_the_logs_show_it() -> None:
+    """A limit that an earlier fit has taken on is dropped again, and one that acts is taken on."""
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of({}, noise)
+    stated = (JointStructure(torque_limit=1.0),)
+    free_fit = fit_nominal(problem, stated)
+    limit = NOMINAL.index("torque_limit")
+    assert free_fit.point.parameters[0, 0, limit] == 0.0
+    wrong = free_fit.point.parameters.copy()
+    wrong[:, :, limit] = 1.0
+    taken = fit(problem, replace(free_fit.point, parameters=wrong), rounds=2, iterations=6)
+    settled = limits_settled(problem, taken, stated)
+    assert settled.point.parameters[0, 0, limit] == 0.0
+    assert settled.criterion < taken.criterion

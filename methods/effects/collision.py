@@ -9,11 +9,14 @@ from methods.effects.base import Effect, EffectParameter
 
 
 def torque(t, q, dq, w, x, p):
-    """-torque sin(pi (t - time) / duration)^shape while that is between its zeros: the collision pushes."""
+    """-torque between time and time + duration: the collision pushes. It rises and falls along half a cosine each."""
     since = (t - p[1]) / p[2]
-    if since <= 0.0 or since >= 1.0:
+    near = min(since, 1.0 - since)
+    if near <= 0.0:
         return 0.0
-    return -p[0] * math.sin(math.pi * since) ** p[3]
+    if near >= 0.5 * p[3]:
+        return -p[0]
+    return -0.5 * p[0] * (1.0 - math.cos(2.0 * math.pi * near / p[3]))
 
 
 EFFECT = Effect(
@@ -24,9 +27,9 @@ EFFECT = Effect(
         EffectParameter("torque", "torque", "height of the pulse"),
         EffectParameter("time", "time", "instant at which it begins"),
         EffectParameter("duration", "time", "length of the pulse", lower=1e-6),
-        EffectParameter("shape", "ratio", "1: half a sine, towards 0: a box", lower=0.02, upper=4.0),
+        EffectParameter("shape", "ratio", "share of the length in which it rises and falls", lower=0.02, upper=1.0),
     ),
-    equation=r"\tau_d = T \sin^s(\pi (t - t_0) / \Delta t)\ \mathrm{for}\ t_0 \leq t < t_0 + \Delta t",
+    equation=r"\tau_d = T\,w((t - t_0) / \Delta t),\ w:\ \mathrm{tapered\ cosine\ window}",
     variable="elapsed time",
     source="Haddadin, De Luca, Albu-Schaeffer 2017",
     function=torque,

@@ -1,0 +1,21 @@
+"""Linear least squares on few columns of many samples."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from envs.log import Array
+
+
+def project(basis: Array, target: Array) -> tuple[Array, float]:
+    """Least-squares coefficients of target (N,) on basis (K, N) and the decrease of the sum of squares."""
+    gram = basis @ basis.T
+    diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    right = basis @ target
+    try:
+        factor = cho_factor(gram / np.outer(diagonal, diagonal) + 1e-10 * np.eye(len(gram)))
+        coefficients = cho_solve(factor, right / diagonal) / diagonal
+    except np.linalg.LinAlgError:
+        coefficients = np.linalg.lstsq(gram, right, rcond=1e-10)[0]
+    return coefficients, float(right @ coefficients)

@@ -364,7 +364,7 @@ def _scan_position(
     """Transform of the correlation over the angle; for a gain effect it is weighted with the motor torque."""
     motion = predicted_motion(problem, base.point)[:, joint]
     q, velocity = motion[:, 0], motion[:, 1]
-    weight = motion[:, 2] if effect.slot == "gain" else np.ones(len(q))
+    weight = motion[:, 2] if effect.has_motor_torque else np.ones(len(q))
     if not np.any(weight):
         return []
     span = max(float(np.ptp(q)), 1e-12)

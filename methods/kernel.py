@@ -7,8 +7,8 @@ switch, so that any subset runs in the same machine code; the source lives in a 
 
 Per joint, in units of the command::
 
-    T_e w' = v_a - k q' - (1 + rise) w            electrical (T_e = 0: w = (v_a - k q') / (1 + rise))
-    M(q) q'' + h(q, q') + b q' + gravity + torques + friction = gain w
+    T_e w' = v_a - c k q' - (1 + rise) w          electrical (T_e = 0: w = (v_a - c k q') / (1 + rise))
+    M(q) q'' + h(q, q') + b q' + gravity + torques + friction = gain c w      (c: ripple of the motor constant)
     reading = q + sensor(q)
 
 The planar pair (rigid = p3, unit ratio s of joint 2 to joint 1, shared inertia p2; in units of joint 1)::
@@ -61,6 +61,7 @@ STRUCTURAL = {
     "amplifier_lag": "LAG",
     "input_delay": "DELAY",
     "thermal_drift": "THERMAL",
+    "torque_ripple_reciprocal": "RIPPLE",
     "joint_flexibility": "FLEX",
     "joint_flexibility_load_side": "FLEX_LOAD",
     "backlash": "PLAY",
@@ -257,14 +258,16 @@ def _present(on, has):
 def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
     """Motor and torques of one joint: (w, w', heat', torque on the inertia without dry friction, level of dry
     friction)."""
-    resistance = 1.0
-    heating = 0.0
+    resistance, heating, constant = 1.0, 0.0, 1.0
+    if RIPPLE >= 0 and on[RIPPLE]:
+        constant += p[RIPPLE_P] * math.sin(p[RIPPLE_P + 2] * q) + p[RIPPLE_P + 1] * math.cos(p[RIPPLE_P + 2] * q)
+    emf = constant * p[BACK_EMF] * dq
     if THERMAL >= 0 and on[THERMAL]:
         resistance += heat
     if p[ELECTRICAL] > 0.0:
-        change = (u - p[BACK_EMF] * dq - resistance * w) * p[ELECTRICAL_RATE]
+        change = (u - emf - resistance * w) * p[ELECTRICAL_RATE]
     else:
-        w = u - p[BACK_EMF] * dq
+        w = u - emf
         if resistance != 1.0:
             w /= resistance
         change = 0.0
@@ -273,6 +276,7 @@ def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
     r = w
     if p[LIMIT] > 0.0:
         r = min(max(w, -p[LIMIT]), p[LIMIT])
+    r *= constant
     if has[1]:
         r *= _gain(t, q, dq, w, p, on)
     r -= p[VISCOUS] * dq + p[LOAD] + load

@@ -332,6 +332,7 @@ class Session:
         n, module = len(start), self.model.kernel.module
         if not np.any(parameters[:, NOMINAL.index("electrical_time_constant")]):
             return start[:, 2]
+        parameters = module._resolved(parameters, 1e-9)
         present = np.zeros((n, 4), dtype=bool)
         for j in range(n):
             module._present(switches[j], present[j])

@@ -19,12 +19,6 @@ EFFECT = Effect(
     variable="elapsed time",
     source="Khalil and Dombre",
     scan="event",
-    expected_failures=(
-        (
-            "sensitivities_are_finite_differences",
-            "the change takes effect at the next step, so that its instant acts in jumps",
-        ),
-    ),
 )
 
 AT_REST = replace(

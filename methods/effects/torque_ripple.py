@@ -4,6 +4,7 @@ Source: D. Hanselman, Brushless Permanent Magnet Motor Design, section on ripple
 """
 
 import math
+from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter, instances
 
@@ -35,4 +36,15 @@ EFFECT = Effect(
 HARMONICS = 3
 """Each harmonic of the ripple is an instance of its own."""
 
-EFFECTS = instances(EFFECT, HARMONICS)
+RECIPROCAL = replace(
+    EFFECT,
+    name="torque_ripple_reciprocal",
+    kind="torque_ripple",
+    slot="structure",
+    equation=r"\tau_m = c(q)\,\alpha i,\ e = c(q)\,k\,\dot q,\ c = 1 + s\,\sin(N q + \varphi)",
+    function=None,
+    drives=True,
+    excludes=tuple(effect.name for effect in instances(EFFECT, HARMONICS)),
+)
+"""The back-EMF ripples as well, as energy demands; in many a simulator the torque alone does."""
+EFFECTS = (*(replace(effect, excludes=(RECIPROCAL.name,)) for effect in instances(EFFECT, HARMONICS)), RECIPROCAL)

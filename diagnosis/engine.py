@@ -239,7 +239,7 @@ class Search:
         problem, settings, accepted = self.problem, self.settings, list(path.accepted)
         chosen = replace(chosen, scored=polish(problem, path.base, chosen.scored))
         chosen = simplified(problem, path.base, chosen, self.effects, settings)
-        accepted, chosen = merged(problem, path.base, accepted, chosen, settings)
+        accepted, chosen = merged(problem, accepted, chosen, settings)
         accepted.append(chosen)
         present = path.present | {(name, chosen.joint) for name in (chosen.name, *chosen.effect.includes)}
         present |= {(name, chosen.joint) for name in chosen.effect.excludes}
@@ -247,6 +247,7 @@ class Search:
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
+        accepted, base = merged_afterwards(problem, accepted, base, settings)
         return replace(path, base=base, accepted=tuple(accepted), present=present, steps=steps, left=())
 
     def incomplete(self, path: Path) -> bool:
@@ -463,7 +464,7 @@ def _within(problem: Problem, chosen: Accepted, start: Start) -> Point:
 
 
 def merged(
-    problem: Problem, base: Fitted, accepted: list[Accepted], chosen: Accepted, settings: Settings
+    problem: Problem, accepted: list[Accepted], chosen: Accepted, settings: Settings
 ) -> tuple[list[Accepted], Accepted]:
     """An effect that contains an earlier one takes its place, where both together do no better."""
     for item in accepted:
@@ -472,7 +473,7 @@ def merged(
         both = chosen.scored.fitted
         for fitted in alone(problem, item, chosen):
             if fitted.criterion - both.criterion < item.scored.price + settings.threshold:
-                decrease = base.criterion - fitted.criterion + item.scored.decrease
+                decrease = chosen.scored.decrease + item.scored.decrease + both.criterion - fitted.criterion
                 chosen = replace(chosen, scored=replace(chosen.scored, fitted=fitted, decrease=decrease))
                 accepted = [other for other in accepted if other is not item]
                 break
@@ -530,6 +531,18 @@ def simplified_afterwards(
         if simple.name != item.name:
             accepted = [simple if other is item else other for other in accepted]
             base = simple.scored.fitted
+    return accepted, base
+
+
+def merged_afterwards(
+    problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """The effects without those that others contain: it may show only when all are in their simplest form."""
+    for item in accepted if len(accepted) > 1 else ():
+        others = [other for other in accepted if other is not item]
+        left, whole = merged(problem, others, replace(item, scored=replace(item.scored, fitted=base)), settings)
+        if len(left) < len(others):
+            return merged_afterwards(problem, [*left, whole], whole.scored.fitted, settings)
     return accepted, base
 
 

@@ -165,7 +165,7 @@ def test_a_friction_law_takes_the_place_of_the_simpler_one_that_it_contains() ->
     nominal = fit_nominal(problem, (JointStructure(),))
     coulomb = accepted(problem, nominal, "coulomb_friction", [0.2])
     both = accepted(problem, coulomb.scored.fitted, "stribeck_friction", [0.05, 0.1, 0.3, 1.5])
-    left, whole = merged(problem, coulomb.scored.fitted, [coulomb], both, Settings())
+    left, whole = merged(problem, [coulomb], both, Settings())
     assert left == []
     point = whole.scored.fitted.point
     assert not any(f.name.startswith("coulomb") for f in point.free)

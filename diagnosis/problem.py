@@ -309,7 +309,7 @@ def stack(
         hold=np.array([0 if fact.hold == "zero_order" else 1 for fact in facts], dtype=np.int64),
         neighbour=np.concatenate(others) if others else np.zeros((0, len(joints), 3)),
         pair=pair,
-        substeps=max(1, int(np.ceil(dt / 2e-3))),
+        substeps=max(1, int(np.ceil(dt / 2e-3 - 0.05))),
         leak=min(30.0, 0.1 / dt),
         rate_leak=0.0,
         burn_in=0.25 if burn_in is None else burn_in,

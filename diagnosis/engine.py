@@ -448,7 +448,11 @@ def simplified(
         saved = chosen.scored.price - simple.price
         if chosen.scored.decrease - simple.decrease < saved + settings.threshold or not visible:
             share = materiality(problem, simple.fitted, simple.name, joint)
-            rivals = tuple(rival for rival in chosen.rivals if rival.name != simple.name)
+            rivals = tuple(
+                rival
+                for rival in chosen.rivals
+                if rival.name != simple.name and simple.name not in rival.effect.includes
+            )
             return replace(chosen, scored=simple, material=share, rivals=rivals)
     return chosen
 

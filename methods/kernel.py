@@ -352,7 +352,7 @@ def _joined(t, q, dq, ql, dql, rhs, p, on):
     return a, a, 0.0
 
 
-@njit(cache=True, error_model='numpy')
+@njit(cache=True, inline='always', error_model='numpy')
 def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
     """Time derivatives D of the states S (n, 7) at time t under the averaged amplifier command u (n,)."""
     for j in range(n):
@@ -382,8 +382,12 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
         own += added
         q1, q2, d1, d2 = S[0, Q], S[1, Q], S[0, DQ], S[1, DQ]
         c, z = math.cos(q2), math.sin(q2)
-        g2 = P[1, GRAVITY_SINE] * math.sin(q1 + q2) + P[1, GRAVITY_COSINE] * math.cos(q1 + q2)
-        g1 = P[0, GRAVITY_SINE] * math.sin(q1) + P[0, GRAVITY_COSINE] * math.cos(q1) + g2 / s
+        g1, g2 = 0.0, 0.0
+        if P[1, GRAVITY_SINE] != 0.0 or P[1, GRAVITY_COSINE] != 0.0:
+            g2 = P[1, GRAVITY_SINE] * math.sin(q1 + q2) + P[1, GRAVITY_COSINE] * math.cos(q1 + q2)
+            g1 = g2 / s
+        if P[0, GRAVITY_SINE] != 0.0 or P[0, GRAVITY_COSINE] != 0.0:
+            g1 += P[0, GRAVITY_SINE] * math.sin(q1) + P[0, GRAVITY_COSINE] * math.cos(q1)
         r1 = rhs[0] + p3 * z * (2.0 * d1 * d2 + d2 * d2) - g1
         r2 = (rhs[1] - g2) / s - p3 * z * d1 * d1
         m11, m12, m22 = p1 + p2 + 2.0 * p3 * c, p2 + p3 * c, own
@@ -408,15 +412,6 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
             D[j, DQL] = D[j, DQ]
             if stuck[j]:
                 D[j, Q] = 0.0
-
-
-@njit(cache=True, error_model='numpy')
-def _rates_stage(t, span, S, slope, B, D, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
-    """Rates D at S + span slope, by way of the buffer B."""
-    for j in range(n):
-        for m in range(7):
-            B[j, m] = S[j, m] + span * slope[j, m]
-    _rates(t + span, B, D, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
 
 
 @njit(cache=True, inline='always', error_model='numpy')
@@ -527,8 +522,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     """Samples first..last-1 of a log from the states S (n, 7) and deflections z (n,), which end up at sample last."""
     T, n = u.shape
     P = _resolved(P, (t[1] - t[0]) / substeps)
-    D1 = np.zeros((n, 7)); D2 = np.zeros((n, 7)); D3 = np.zeros((n, 7)); D4 = np.zeros((n, 7))
-    B = np.zeros((n, 7))
+    D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 7))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
     bristle = np.zeros(n); extra = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
     xs = np.zeros((n, 3))
@@ -580,51 +574,60 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             # friction by events: a joint that would reverse stops inside the step; the rest is integrated anew
             left, at, events = h, now, 0
             while left > 0.0:
-                span = left
+                span, stopped, stage, asked = left, -1, 0, False
                 for j in range(n):
                     stuck[j] = False
                     dq = S[j, DQ]
                     sign[j] = 1.0 if dq > 0.0 else (-1.0 if dq < 0.0 else 0.0)
-                _rates(at, S, D1, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
-                again = False
-                for j in range(n):
-                    dry[j] = level[j] > 0.0
-                    if dry[j] and sign[j] == 0.0:
-                        again = True
-                        if abs(rhs[j]) <= level[j]:
-                            stuck[j] = True
-                        else:
-                            sign[j] = 1.0 if rhs[j] > 0.0 else -1.0
-                if again:
-                    _rates(at, S, D1, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
-                stopped = -1
-                for attempt in range(2):
-                    _rates_stage(at, 0.5 * span, S, D1, B, D2, c, xs, sign, stuck, n, P, on, has, pair, rigid,
-                            bristle, extra, level, rhs)
-                    _rates_stage(at, 0.5 * span, S, D2, B, D3, c, xs, sign, stuck, n, P, on, has, pair, rigid,
-                            bristle, extra, level, rhs)
-                    _rates_stage(at, span, S, D3, B, D4, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle,
-                            extra, level, rhs)
-                    if attempt == 1 or events >= 6:
-                        break
-                    share = 1.0
+                while stage < 4:  # the stages of the Runge-Kutta step, one after the other in the same machine code
+                    ahead = 0.0 if stage == 0 else (0.5 * span if stage < 3 else span)
                     for j in range(n):
-                        if dry[j] and not stuck[j] and S[j, DQ] != 0.0:
-                            gain1 = span * D1[j, DQ]
-                            total = span / 6.0 * (D1[j, DQ] + 2.0 * D2[j, DQ] + 2.0 * D3[j, DQ] + D4[j, DQ])
-                            if (S[j, DQ] + total) * S[j, DQ] < 0.0:
-                                part = _crossing(S[j, DQ], gain1, total)
-                                if part < share:
-                                    share = part
-                                    stopped = j
-                    if stopped < 0:
-                        break
-                    span *= share
+                        for m in range(7):
+                            B[j, m] = S[j, m] + ahead * D[j, m] if stage else S[j, m]
+                    _rates(at + ahead, B, D, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                    if stage == 0:
+                        again = False
+                        for j in range(n):
+                            S[j, W] = B[j, W]
+                            if not asked:
+                                dry[j] = level[j] > 0.0
+                                if dry[j] and sign[j] == 0.0:  # at rest: it stays there or breaks away
+                                    again = True
+                                    if abs(rhs[j]) <= level[j]:
+                                        stuck[j] = True
+                                    else:
+                                        sign[j] = 1.0 if rhs[j] > 0.0 else -1.0
+                        if again:
+                            asked = True
+                            continue
+                        first_rates[:, :] = D
+                        total[:, :] = D
+                    else:
+                        weight = 2.0 if stage < 3 else 1.0
+                        for j in range(n):
+                            for m in range(7):
+                                total[j, m] += weight * D[j, m]
+                    stage += 1
+                    if stage == 4 and stopped < 0 and events < 6:
+                        share = 1.0
+                        for j in range(n):
+                            if dry[j] and not stuck[j] and S[j, DQ] != 0.0:
+                                change = span / 6.0 * total[j, DQ]
+                                if (S[j, DQ] + change) * S[j, DQ] < 0.0:  # it would reverse: the step ends there
+                                    part = _crossing(S[j, DQ], span * first_rates[j, DQ], change)
+                                    if part < share:
+                                        share = part
+                                        stopped = j
+                        if stopped >= 0:
+                            span *= share
+                            stage = 1
+                            D[:, :] = first_rates
+                            total[:, :] = first_rates
                 for j in range(n):
                     for m in range(7):
                         if m == A or (m == W and P[j, ELECTRICAL] <= 0.0):
                             continue
-                        S[j, m] += span / 6.0 * (D1[j, m] + 2.0 * D2[j, m] + 2.0 * D3[j, m] + D4[j, m])
+                        S[j, m] += span / 6.0 * total[j, m]
                     if P[j, ELECTRICAL] <= 0.0:
                         S[j, W] = B[j, W]
                 if stopped >= 0:

@@ -317,10 +317,10 @@ def coincides(problem: Problem, scored: Scored, accepted: Sequence[Accepted]) ->
 
 
 def nearly_as_good(chosen: Accepted, ranked: Sequence[Scored]) -> list[Accepted]:
-    """Other effects that explain a good part of what the chosen one does, best first."""
+    """Other effects that explain a good part of what the chosen one does, best first, one form of each."""
     return [
         Accepted(scored, 0.0, (), chosen.considered)
-        for scored in ranked
+        for scored in textbook(ranked)
         if scored.label != chosen.label
         and scored.evidence > FORK * chosen.scored.evidence
         and chosen.name not in scored.effect.includes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -109,7 +109,8 @@ def try_all(
         rough += [(start, fit(problem, p, rounds=1, iterations=6)) for p in exchanged(problem, base.point, start)]
     for start in lists[0]:
         rough += [(start, fit(problem, p, rounds=1, iterations=6)) for p in generalised(problem, base.point, start)]
-    return _converged(problem, base, [score(problem, base, start, fitted) for start, fitted in rough], finals)
+    promises = {(start.hypothesis.effect.name, start.hypothesis.joint): start.promise for start in reversed(lists[0])}
+    return _converged(problem, base, [score(problem, base, start, fitted) for start, fitted in rough], promises, finals)
 
 
 def score(problem: Problem, base: Fitted, start: Start, fitted: Fitted) -> Scored:
@@ -129,7 +130,11 @@ def worth_fitting(problem: Problem, starts: Sequence[Start], samples: int, neede
 
 
 def roughly(problem: Problem, view: Fitted, start: Start, *, renewed: bool = True) -> list[Fitted]:
-    """First fits of a hypothesis from each of its starting values, with the view's filter; its sensitivities stay."""
+    """First fits of a hypothesis from each of its starting values; the sensitivities of the view stay.
+
+    The filter is the fit's own if `renewed`, else the view's. The first start is moved along with what the regression
+    says of the other parameters where that comes closer.
+    """
     known = view.jacobian / weights(view.innovation, problem.joints)
     points = [extend(problem, view.point, start.hypothesis, values) for values in (start.values, *start.others)]
     if start.shift is not None:
@@ -173,9 +178,18 @@ def further(problem: Problem, view: Fitted, starts: Sequence[Start]) -> list[tup
     return [(start, fit(problem, fitted.point, rounds=1, iterations=4)) for start, fitted in converged[:CARRIED]]
 
 
-def _converged(problem: Problem, base: Fitted, rough: Sequence[Scored], finals: int) -> list[Scored]:
-    """The hypotheses in order of their evidence, the first ones fitted until they have converged."""
-    hoped = lambda s: max(s.decrease, HOPE * s.start.promise)  # noqa: E731
+def _converged(
+    problem: Problem,
+    base: Fitted,
+    rough: Sequence[Scored],
+    promises: Mapping[tuple[str, int], float],
+    finals: int,
+) -> list[Scored]:
+    """The hypotheses in order of their evidence, the first ones fitted until they have converged.
+
+    promises: by effect and joint, in the filtered view; a first fit that stopped short of its promise is carried on.
+    """
+    hoped = lambda s: max(s.decrease, HOPE * promises.get((s.name, s.start.hypothesis.joint), 0.0))  # noqa: E731
     first: dict[tuple[str, int], Scored] = {}
     for scored in sorted(rough, key=lambda s: -s.evidence):
         first.setdefault((scored.name, scored.start.hypothesis.joint), scored)

@@ -156,7 +156,7 @@ def on_experiment(part: Problem, fitted: Fitted) -> Fitted:
     point = replace(transfer(part, fitted.point), switches=fitted.point.switches, free=free)
     filter_, error = on_logs(part, fitted.whitener), errors(part, [point])[0]
     jacobian = filter_(sensitivities(part, point, error)) / np.sqrt(fitted.variances[0])
-    sizes = np.maximum(np.linalg.norm(jacobian, axis=1), 1e-300)
+    sizes = np.maximum(np.linalg.norm(jacobian, axis=1), 1e-150)  # its square is still a number
     scaled = jacobian / sizes[:, None]
     covariance = np.linalg.pinv(scaled @ scaled.T, rcond=1e-14) / np.outer(sizes, sizes)
     return Fitted(point, error, filter_(error), filter_, covariance, jacobian, 0, np.zeros(len(filter_.coefficients)))

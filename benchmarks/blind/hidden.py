@@ -128,6 +128,12 @@ class Draw:
         unit = ("N m" if self.rotary else "N") + what.replace("x", "rad" if self.rotary else "m")
         return Parameter(value, unit, value * input_equivalent(self.joint))
 
+    def per_current(self, value: float, power: int) -> Parameter:
+        """A parameter per current to a power; per motor torque in units of the command it is what a model has."""
+        torque = 1.0 if self.joint.drive == Drive.TORQUE else self.joint.torque_constant
+        unit = "1/A" if power == 1 else f"1/A^{power}"
+        return Parameter(value, unit, value / (torque * input_equivalent(self.joint)) ** power)
+
     def command(self, value: float) -> Parameter:
         unit = {Drive.VOLTAGE: "V", Drive.CURRENT: "A", Drive.TORQUE: "N m"}[Drive(self.joint.drive)]
         return Parameter(value, unit, value)
@@ -224,7 +230,7 @@ def input_delay(d: Draw) -> Hidden:
 def supply_sag(d: Draw) -> Hidden:
     gain = d.size(0.03, 0.25) / d.scales.current_peak
     law = d.law(Sag)
-    return Hidden("supply_sag", {"sag": gain, "sag_law": law}, {"gain": Parameter(gain, "1/A")}, law.name)
+    return Hidden("supply_sag", {"sag": gain, "sag_law": law}, {"gain": d.per_current(gain, 1)}, law.name)
 
 
 # --- motor -----------------------------------------------------------------------------------------------------------
@@ -250,7 +256,7 @@ def torque_constant_saturation(d: Draw) -> Hidden:
     return Hidden(
         "torque_constant_saturation",
         {"kt_saturation": coefficient, "kt_law": law},
-        {"coefficient": Parameter(coefficient, "1/A^2")},
+        {"coefficient": d.per_current(coefficient, 2)},
         law.name,
     )
 

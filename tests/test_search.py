@@ -5,7 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.engine import Accepted, Settings, choose, coincides, confirmed, is_steady, merged, textbook
+from diagnosis.engine import (
+    Accepted,
+    Settings,
+    choose,
+    coincides,
+    confirmed,
+    is_steady,
+    merged,
+    merged_afterwards,
+    nearly_as_good,
+    textbook,
+)
 from diagnosis.estimation import errors, fit, plain
 from diagnosis.hypotheses import Hypothesis, Start, effective_samples, extend, proposals, sizes_of, withdraw
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
@@ -363,3 +374,37 @@ def test_a_stated_torque_limit_acts_only_where_the_logs_show_it() -> None:
     settled = limits_settled(problem, taken, stated)
     assert settled.point.parameters[0, 0, limit] == 0.0
     assert settled.criterion < taken.criterion
+
+
+def test_what_a_later_effect_contains_is_dropped_in_the_end() -> None:
+    """Asymmetric friction beside an offset that stood in for it: one of the two is enough."""
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of(
+        {"coulomb_friction": {"torque": 0.2}, "friction_asymmetry": {"torque": 0.1, "viscous": 0.05}}, noise
+    )
+    nominal = fit_nominal(problem, (JointStructure(),))
+    offset = accepted(problem, nominal, "amplifier_offset", [-0.05])
+    friction = accepted(problem, offset.scored.fitted, "coulomb_friction", [0.2])
+    asymmetry = accepted(problem, friction.scored.fitted, "friction_asymmetry", [0.0, 0.05])
+    left, base = merged_afterwards(problem, [offset, friction, asymmetry], asymmetry.scored.fitted, Settings())
+    assert {item.name for item in left} == {"coulomb_friction", "friction_asymmetry"}
+    assert base.point.value("friction_asymmetry.torque@0") == pytest.approx(0.1, rel=0.02)
+    assert not base.point.switches[0, KERNEL.switches["amplifier_offset"]]
+    right = merged_afterwards(problem, [friction], friction.scored.fitted, Settings())
+    assert [item.name for item in right[0]] == ["coulomb_friction"]
+
+
+def test_other_ways_begin_with_what_explained_nearly_as_much() -> None:
+    def scored(name: str, decrease: float) -> Scored:
+        start = Start(Hypothesis(NAMED[name], 0), np.zeros((1, NAMED[name].size)), decrease)
+        return Scored(start, None, decrease, 0.0)  # type: ignore[arg-type]
+
+    chosen = Accepted(scored("presliding_friction", 100.0), 0.1, ())
+    ranked = [
+        chosen.scored,
+        scored("coulomb_friction", 95.0),  # contained in the chosen one
+        scored("dead_zone", 80.0),
+        scored("gradual_dead_zone", 70.0),  # another form of the same law
+        scored("thermal_drift", 40.0),
+    ]
+    assert [other.name for other in nearly_as_good(chosen, ranked)] == ["dead_zone"]

@@ -553,16 +553,27 @@ def merged_afterwards(
 def significant(
     problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
 ) -> tuple[list[Accepted], Fitted] | None:
-    """Without the effects whose amplitudes do not stand out of their own robust deviations; None if all of them do."""
-    changed = False
+    """Without the effects whose amplitudes do not stand out of their own robust deviations; None if all of them do.
+
+    An amplitude may be uncertain only because another parameter can take a part of it (a delay beside a winding's lag
+    too short for the steps). So what counts is what the removal costs, over how much wider the robust deviation is.
+    """
+    dropped = False
     while accepted:
-        spread = covariance(base)
-        weakest = min(accepted, key=lambda item: wald(base, item, spread))
-        if wald(base, weakest, spread) > settings.threshold:
+        spread, weak = covariance(base), None
+        for item in sorted(accepted, key=lambda item: wald(base, item, spread)):
+            statistic = wald(base, item, spread)
+            if statistic > settings.threshold:
+                break
+            smaller = without(problem, base, item)
+            wider = wald(base, item) / max(statistic, 1e-300)
+            if smaller.criterion - base.criterion < settings.threshold * max(wider, 1.0):
+                weak = item, smaller
+                break
+        if weak is None:
             break
-        base = without(problem, base, weakest)
-        accepted, changed = [other for other in accepted if other is not weakest], True
-    return (accepted, base) if changed else None
+        accepted, base, dropped = [other for other in accepted if other is not weak[0]], weak[1], True
+    return (accepted, base) if dropped else None
 
 
 def with_jitter(problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings) -> Finding:

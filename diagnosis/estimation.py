@@ -204,9 +204,9 @@ def fit(
     damping, count, age = 1e-3, 0, 0
     slopes: Array | None = None  # taken `age` steps ago
     absorbed: Absorption | None = None
-    systems: list[tuple[Array, Array | None]] | None = None
+    systems: list[tuple[Array, Array | None]] = []
     filter_ = filter_ or whitener(problem, error)
-    scale = np.ones(0)
+    scale = scaled = np.ones(0)
     for turn in range(rounds):
         if turn:
             filter_ = whitener(problem, error)
@@ -221,13 +221,13 @@ def fit(
                 age, left, count = 0, left - 1, count + 1
             innovation = filter_(error)
             if jacobian is None:
-                jacobian, systems = _jacobian(filter_, slopes, known), None
+                jacobian = _jacobian(filter_, slopes, known)
                 scale = weights(innovation, problem.joints)
+                scaled = jacobian * scale
+                systems = _systems(jacobian, scaled, np.diag(certainty), absorbed)
             away = point.vector - centre
             base = float(np.sum((innovation * scale) ** 2) + away**2 @ certainty)
-            if systems is None:
-                systems = _systems(jacobian, scale, np.diag(certainty), absorbed)
-            gradient = (jacobian * scale) @ (innovation * scale) + certainty * away
+            gradient = scaled @ (innovation * scale) + certainty * away
             if not (np.all(np.isfinite(systems[0][0])) and np.all(np.isfinite(gradient)) and np.any(systems[0][0])):
                 break
             trials = []
@@ -271,11 +271,13 @@ def fit(
 
 
 def _systems(
-    jacobian: Array, scale: Array, prior: Array, absorbed: Absorption | None
+    jacobian: Array, scaled: Array, prior: Array, absorbed: Absorption | None
 ) -> list[tuple[Array, Array | None]]:
     """Matrices (P, P) of the normal equations for sensitivities (P, N n): for a filter that stays, and for one that
-    follows the parameters, which comes with the change (n, k, P) of its coefficients."""
-    scaled = jacobian * scale
+    follows the parameters, which comes with the change (n, k, P) of its coefficients.
+
+    scaled: the sensitivities over the innovations' rms.
+    """
     found: list[tuple[Array, Array | None]] = [(scaled @ scaled.T + prior, None)]
     if absorbed is not None:
         some = absorbed.samples(scaled)
@@ -326,17 +328,17 @@ def finish(
         covariance,
         jacobian,
         count,
-        rounding_floor(problem, filter_),
+        rounding_floor(problem),
         problem.credible(error),
     )
 
 
-def rounding_floor(problem: Problem, filter_: Whitener) -> Array:
-    """A quarter of the variance that white rounding of the encoder would have behind the filter, per joint (n,).
+def rounding_floor(problem: Problem) -> Array:
+    """A quarter of the variance of the encoder's rounding, per joint (n,), whatever the filter.
 
     A joint that rests within one step of its encoder is predicted perfectly; such samples must not count as evidence.
     """
-    return np.full(len(filter_.coefficients), 0.25 * problem.encoder_step**2 / 12.0)
+    return np.full(problem.joints, 0.25 * problem.encoder_step**2 / 12.0)
 
 
 def covariance(fitted: Fitted) -> Array:

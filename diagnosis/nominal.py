@@ -196,12 +196,12 @@ def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStru
     """
     column = COLUMN["torque_limit"]
     for j, structure in enumerate(structures):
-        acts = fitted.point.parameters[0, j, column] > 0.0
-        torque = (
-            np.abs(predicted_motion(problem, fitted.point)[:, j, 2]) if structure.torque_limit > 0.0 else np.zeros(1)
-        )
-        if np.max(torque) < structure.torque_limit or structure.torque_limit == 0.0:
+        if structure.torque_limit == 0.0:
             continue
+        torque = predicted_motion(problem, fitted.point)[:, j, 2]
+        if np.max(np.abs(torque)) < structure.torque_limit:
+            continue
+        acts = fitted.point.parameters[0, j, column] > 0.0
         parameters = fitted.point.parameters.copy()
         parameters[:, j, column] = 0.0 if acts else structure.torque_limit
         other = fit(problem, replace(fitted.point, parameters=parameters), rounds=3, iterations=8)

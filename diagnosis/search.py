@@ -262,8 +262,8 @@ def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12)
 
 
 def retimed(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
-    """The fit with the instant of an event moved to where the innovations are smallest: between samples no derivative
-    tells where that is."""
+    """The fit with the instant of an event moved to where the innovations are smallest: there are many optima, and a
+    derivative leads to the next one only."""
     effect, j = hypothesis.effect, hypothesis.joint
     column = problem.kernel.column(effect, "time")
     for _ in range(MOVES):

@@ -95,7 +95,7 @@ def whitener(problem: Problem, error: Array) -> Whitener:
         mask[start:stop] &= kept
     limited = _noise_like(problem, error, band)
     rows = np.flatnonzero(mask)
-    rows = rows[:: len(rows) // ROWS + 1]
+    rows = rows[_thinned(len(rows))]
     solution = np.zeros((problem.joints, len(blocks)))
     for j in range(problem.joints):
         lagged = np.stack([limited[rows, j], *_lagged(limited[:, j], rows, blocks, every)])
@@ -104,6 +104,11 @@ def whitener(problem: Problem, error: Array) -> Whitener:
         solution[j] = np.linalg.solve(gram[1:, 1:] + ridge * np.eye(len(blocks)), gram[1:, 0])
     coefficients = np.stack([_expanded(own, blocks, every, band) for own in solution])
     return Whitener(coefficients, mask, solution, tuple(blocks), band, every)
+
+
+def _thinned(count: int) -> np.ndarray:
+    """Indices of at most ROWS evenly spaced ones of `count` samples."""
+    return np.arange(0, count, count // ROWS + 1)
 
 
 def _expanded(solution: Array, blocks: Sequence[tuple[int, int]], every: int, band: Array) -> Array:
@@ -170,7 +175,7 @@ def absorption(problem: Problem, error: Array, filter_: Whitener) -> Absorption:
     """Absorption of the filter's autoregression at these errors (T, n)."""
     assert filter_.band is not None
     limited = _noise_like(problem, error, filter_.band)
-    positions = np.arange(0, len(filter_.rows), len(filter_.rows) // ROWS + 1)
+    positions = _thinned(len(filter_.rows))
     rows = filter_.rows[positions]
     lagged = tuple(np.stack(_lagged(limited[:, j], rows, filter_.blocks, filter_.every)) for j in range(problem.joints))
     return Absorption(positions, lagged)

@@ -308,7 +308,7 @@ def partial_residual(data: PartialResidual, name: str, per_torque: float | None 
     twin_scale = per_torque if data.kind != "reading" and data.unit != torque_unit else None
     lines = 1 if wide or not named else 2 + (len(data.laws) > 2)
     figure, axes = panel(
-        WIDE if wide else NARROW, 2.4 + LEGEND * lines, top=LEGEND * lines, right=0.1 if twin_scale is None else 0.5
+        WIDE if wide else NARROW, 2.4 + LEGEND * lines, top=LEGEND * lines, right=0.1 if twin_scale is None else LEFT
     )
     curves = [data.before.low, data.before.high, data.after.low, data.after.high, *(law for _, law in data.laws)]
     low, high = limits(*curves, share=0.01)

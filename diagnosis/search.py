@@ -72,8 +72,12 @@ class Ranked:
 
 
 def ranking(scored: Sequence[Scored]) -> tuple[Ranked, ...]:
-    """Scores in the same order."""
-    return tuple(Ranked(s.label, s.start.hypothesis.joint, s.decrease, s.price) for s in scored)
+    """Scores in the same order, of every law the form that comes first."""
+    found: dict[tuple[str, int], Ranked] = {}
+    for s in scored:
+        key = s.label, s.start.hypothesis.joint
+        found.setdefault(key, Ranked(*key, s.decrease, s.price))
+    return tuple(found.values())
 
 
 def price(problem: Problem, start: Start, samples: int) -> float:

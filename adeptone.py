@@ -243,7 +243,9 @@ def new_effect(
 
 @bench_app.command("run")
 def bench_run(
-    suite: Annotated[str | None, typer.Option("--suite", metavar="NAME", help="quick or full")] = None,
+    suite: Annotated[
+        str | None, typer.Option("--suite", metavar="NAME", help="quick, full, naming or everything")
+    ] = None,
     task: Annotated[
         list[str] | None,
         typer.Option("--task", metavar="NAME_OR_PATH", help="Instead of the suite's tasks; repeatable"),
@@ -286,7 +288,7 @@ def bench_report(
 
 @bench_app.command("check")
 def bench_check(
-    suite: Annotated[str, typer.Option("--suite", metavar="NAME", help="quick or full")] = "quick",
+    suite: Annotated[str, typer.Option("--suite", metavar="NAME", help="quick, full, naming or everything")] = "quick",
     method: Annotated[
         list[str] | None,
         typer.Option("--method", metavar="NAME_OR_PATH", help="Instead of the suite's own methods; repeatable"),

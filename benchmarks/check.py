@@ -23,8 +23,6 @@ from benchmarks.yardstick import METRICS
 from diagnosis.quantities import number, quantity
 from envs.log import Log
 
-REFERENCE_SEEDS = 10
-"""Seeds of a reference: the suite's own, and further ones up to this number."""
 WORKFLOW = "accuracy.yml"
 OK = "ok"
 UNFINISHED = Path(".cache/adeptone/reference")
@@ -125,9 +123,9 @@ def find_suite(name: str) -> Suite:
 
 
 def reference_seeds(suite: Suite) -> tuple[int, ...]:
-    """The suite's seeds and the least further ones that make REFERENCE_SEEDS."""
-    further = (seed for seed in range(REFERENCE_SEEDS + len(suite.seeds)) if seed not in suite.seeds)
-    missing = max(0, REFERENCE_SEEDS - len(suite.seeds))
+    """The suite's seeds and the least further ones that make `Suite.reference_seeds`."""
+    further = (seed for seed in range(suite.reference_seeds + len(suite.seeds)) if seed not in suite.seeds)
+    missing = max(0, suite.reference_seeds - len(suite.seeds))
     return (*suite.seeds, *(seed for seed, _ in zip(further, range(missing), strict=False)))
 
 

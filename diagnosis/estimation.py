@@ -192,8 +192,8 @@ def fit(
 
     Such a filter also moves with the parameters in every step (`whitening.Absorption`). Sensitivities serve for several
     steps, as long as these get on; iterations: how often a round computes them. tolerance: relative decrease of the
-    mean square below which a round ends. known: whitened sensitivities (K, N n) of the first K parameters, taken for
-    constant, in a fit of one round that only has to tell hypotheses apart.
+    mean square below which a round ends. known: sensitivities (K, T, n) of the first K parameters, taken for constant,
+    in a fit of one round that only has to tell hypotheses apart.
     """
     error = errors(problem, [point])[0]
     lower = np.array([f.lower for f in point.free])
@@ -295,8 +295,8 @@ ATTEMPTS = 4
 
 
 def _jacobian(filter_: Whitener, slopes: Array, known: Array | None) -> Array:
-    """Whitened sensitivities (P, N n) of the known parameters and of the others, (P - K, T, n)."""
-    return filter_(slopes) if known is None else np.vstack([known, filter_(slopes)])
+    """Whitened sensitivities (P, N n) of the known parameters, (K, T, n), and of the others, (P - K, T, n)."""
+    return filter_(slopes) if known is None else np.vstack([filter_(known), filter_(slopes)])
 
 
 def finish(

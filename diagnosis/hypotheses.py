@@ -183,6 +183,7 @@ class View:
     """A fit as a regression sees it: residuals (n, R) and sensitivities of its parameters (n, P, R) at some samples.
 
     Where the filter is an autoregression that every hypothesis has anew, what it would take away is left out.
+    certainty, expected (P,): what is known beforehand of changes of the parameters, one over the variance and the mean.
     """
 
     fitted: Fitted
@@ -190,22 +191,36 @@ class View:
     taken: Absorption | None
     residual: Array
     jacobian: Array
+    certainty: Array
+    expected: Array
 
     @classmethod
     def of(cls, problem: Problem, fitted: Fitted) -> View:
         """The view of a fit, its errors being those of the fit."""
         noise = weights(fitted.innovation, problem.joints)
-        plain = cls(fitted, noise, None, fitted.innovation * noise, fitted.jacobian)
+        point = fitted.point
+        certainty = np.array([f.deviation for f in point.free]) ** -2.0
+        expected = np.array([f.centre for f in point.free]) - point.vector
+        plain = cls(fitted, noise, None, fitted.innovation * noise, fitted.jacobian, certainty, expected)
         if not fitted.filtered or fitted.whitener.solution is None:
             return plain
         taken = absorption(problem, fitted.error, fitted.whitener)
         residual = taken.samples(plain.residual[None])[:, 0].ravel()
-        return replace(plain, taken=taken, residual=residual, jacobian=_flat(taken.left(taken.samples(plain.jacobian))))
+        jacobian = _flat(taken.left(taken.samples(plain.jacobian)))
+        share = len(residual) / len(noise)
+        return replace(plain, taken=taken, residual=residual, jacobian=jacobian, certainty=share * certainty)
 
     def sensitivities(self, difference: Array) -> Array:
         """Differences of errors (A, T, n) as rows of the regression."""
         rows = self.fitted.whitener(difference) * self.noise
         return rows if self.taken is None else _flat(self.taken.left(self.taken.samples(rows)))
+
+    def explained(self, sensitivity: Array, target: Array) -> Array:
+        """Coefficients of the target (n R,) on the parameters' sensitivities and on further ones (A, n R)."""
+        basis = np.vstack([self.jacobian, sensitivity])
+        unknown = np.zeros(len(sensitivity))
+        certainty, expected = (np.concatenate([own, unknown]) for own in (self.certainty, self.expected))
+        return project(basis, target, certainty, expected)[0]
 
     def promise(self, problem: Problem, left: Array) -> float:
         """Decrease of -2 log likelihood that residuals (R n,) in units of the view's rms stand for."""
@@ -256,11 +271,10 @@ def _regress(
         sensitivity, residual = view.sensitivities(stacked), view.residual
         adjusted = values.copy()
         if effect.amplitudes:
-            basis = np.vstack([view.jacobian, sensitivity])
-            coefficients = project(basis, -residual)[0]
-            left = residual + coefficients @ basis
-            shift = coefficients[: len(view.jacobian)]
-            for (a, log), c in zip(owners, coefficients[len(view.jacobian) :], strict=True):
+            coefficients = view.explained(sensitivity, -residual)
+            shift, own = np.split(coefficients, [len(view.jacobian)])
+            left = residual + shift @ view.jacobian + own @ sensitivity
+            for (a, log), c in zip(owners, own, strict=True):
                 rows = slice(None) if log < 0 else log
                 factor = np.clip(c, -50.0, 50.0)
                 if effect.parameters[a].lower == 0.0 and factor <= 0.0:
@@ -269,7 +283,7 @@ def _regress(
                 adjusted[rows, a] = np.clip(scaled, effect.parameters[a].lower, 0.9 * effect.parameters[a].upper)
         else:
             changed = residual + sensitivity[0]
-            shift = -project(view.jacobian, changed)[0]
+            shift = view.explained(sensitivity[:0], -changed)
             left = changed + shift @ view.jacobian
         starts.append(Start(hypothesis, adjusted, view.promise(problem, left), searched, shift=shift))
     return starts

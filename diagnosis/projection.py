@@ -8,11 +8,19 @@ from scipy.linalg import cho_factor, cho_solve
 from envs.log import Array
 
 
-def project(basis: Array, target: Array) -> tuple[Array, float]:
-    """Least-squares coefficients of target (N,) on basis (K, N) and the decrease of the sum of squares."""
+def project(
+    basis: Array, target: Array, certainty: Array | None = None, expected: Array | None = None
+) -> tuple[Array, float]:
+    """Least-squares coefficients of target (N,) on basis (K, N) and the decrease of the sum of squares.
+
+    certainty (K,): one over the variances of the coefficients, where they are expected (K,) beforehand.
+    """
     gram = basis @ basis.T
-    diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     right = basis @ target
+    if certainty is not None and expected is not None:
+        gram += np.diag(certainty)
+        right += certainty * expected
+    diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     try:
         factor = cho_factor(gram / np.outer(diagonal, diagonal) + 1e-10 * np.eye(len(gram)))
         coefficients = cho_solve(factor, right / diagonal) / diagonal

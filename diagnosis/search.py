@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point, errors, fit, plain, weights
+from diagnosis.estimation import Fitted, Point, errors, fit, plain, sensitivities
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.problem import Problem
 from diagnosis.whitening import whitener
@@ -107,8 +107,9 @@ def try_all(
         worth_fitting(problem, starts, base.samples, needed, least)[:refine]
         for starts, least in zip(lists, (LEAST, 0), strict=True)
     )
-    rough = [(start, fitted) for start in own for fitted in roughly(problem, views[0], start)]
-    rough += further(problem, views[1], bare)
+    known = sensitivities(problem, base.point, base.error)
+    rough = [(start, fitted) for start in own for fitted in roughly(problem, views[0], start, known)]
+    rough += further(problem, views[1], bare, known)
     for start in {s.hypothesis.key: s for s in [*bare, *own]}.values():
         rough += [(start, fit(problem, p, rounds=1, iterations=6)) for p in exchanged(problem, base.point, start)]
     for start in lists[0]:
@@ -133,13 +134,12 @@ def worth_fitting(problem: Problem, starts: Sequence[Start], samples: int, neede
     ]
 
 
-def roughly(problem: Problem, view: Fitted, start: Start, *, renewed: bool = True) -> list[Fitted]:
-    """First fits of a hypothesis from each of its starting values; the sensitivities of the view stay.
+def roughly(problem: Problem, view: Fitted, start: Start, known: Array, *, renewed: bool = True) -> list[Fitted]:
+    """First fits of a hypothesis from each of its starting values; the sensitivities (K, T, n) of the view stay.
 
     The filter is the fit's own if `renewed`, else the view's. The first start is moved along with what the regression
     says of the other parameters where that comes closer.
     """
-    known = view.jacobian / weights(view.innovation, problem.joints)
     points = [extend(problem, view.point, start.hypothesis, values) for values in (start.values, *start.others)]
     if start.shift is not None:
         moved = extend(problem, shifted(view.point, start.shift), start.hypothesis, start.values)
@@ -168,9 +168,9 @@ def shifted(point: Point, shift: Array) -> Point:
     return point.at(np.clip(point.vector + shift, lower, upper))
 
 
-def further(problem: Problem, view: Fitted, starts: Sequence[Start]) -> list[tuple[Start, Fitted]]:
+def further(problem: Problem, view: Fitted, starts: Sequence[Start], known: Array) -> list[tuple[Start, Fitted]]:
     """Fits to the errors as they are, the best of them carried on with a filter of their own."""
-    found = [(start, fitted) for start in starts for fitted in roughly(problem, view, start, renewed=False)]
+    found = [(start, fitted) for start in starts for fitted in roughly(problem, view, start, known, renewed=False)]
     found.sort(key=lambda item: item[1].criterion)
     limit = view.criterion - WORTH * (view.criterion - found[0][1].criterion) if found else 0.0
     converged = [
@@ -179,7 +179,8 @@ def further(problem: Problem, view: Fitted, starts: Sequence[Start]) -> list[tup
         if fitted.criterion < limit
     ]
     converged.sort(key=lambda item: item[1].criterion)
-    return [(start, fit(problem, fitted.point, rounds=1, iterations=4)) for start, fitted in converged[:CARRIED]]
+    carried = [(start, fit(problem, fitted.point, rounds=1, iterations=4)) for start, fitted in converged[:CARRIED]]
+    return [(start, retimed(problem, fitted, start.hypothesis)) for start, fitted in carried]
 
 
 def _converged(
@@ -256,9 +257,7 @@ def generalised(problem: Problem, point: Point, start: Start) -> list[Point]:
 def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12) -> Scored:
     """The same hypothesis fitted until it has converged."""
     hypothesis = scored.start.hypothesis
-    fitted = scored.fitted
-    if hypothesis.effect.scan == "event":
-        fitted = retimed(problem, fitted, hypothesis)
+    fitted = retimed(problem, scored.fitted, hypothesis)
     fitted = fit(problem, fitted.point, rounds=2, iterations=iterations)
     if fitted.criterion > scored.fitted.criterion:
         return scored
@@ -267,8 +266,10 @@ def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12)
 
 def retimed(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
     """The fit with the instant of an event moved to where the innovations are smallest: there are many optima, and a
-    derivative leads to the next one only."""
+    derivative leads to the next one only. What is no event stays as it is."""
     effect, j = hypothesis.effect, hypothesis.joint
+    if effect.scan != "event":
+        return fitted
     column = problem.kernel.column(effect, "time")
     for _ in range(MOVES):
         points = []

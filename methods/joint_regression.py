@@ -26,6 +26,7 @@ from methods.base import Estimates, Fit, Method, MethodError, Status
 from methods.differentiation import BandLimited, Signals
 from methods.joint_model import JointModel
 from methods.least_squares import ILL_CONDITIONED, condition_number
+from methods.named_terms import causes_of, selected, verdict_of
 from methods.regressor import ColumnName, column_unit, regressor
 from methods.usable_logs import check_joint
 
@@ -176,6 +177,7 @@ def linear_fit(joint, facts: JointFacts, equations: Equations, solve, begin: flo
         equations = equations.without(worst)
         values, covariance, said = solve(equations)
     condition = condition_number(equations.regressor)
+    causes = causes_of(joint, selected(equations.columns, equations.regressor, equations.command, values, covariance))
     return Fit(
         model=JointModel(joint, facts.input, equations.columns, values, None, equations.reversal_velocity),
         estimates=Estimates(
@@ -188,6 +190,8 @@ def linear_fit(joint, facts: JointFacts, equations: Equations, solve, begin: flo
         status=Status.CONVERGED if condition < ILL_CONDITIONED else Status.ILL_CONDITIONED,
         seconds=time.perf_counter() - begin,
         notes=(*notes, *said, f"condition number of the scaled regressor {condition:.3g}"),
+        causes=causes,
+        verdict=verdict_of(causes),
     )
 
 

@@ -28,6 +28,7 @@ from envs.log import Array, Log
 from methods.base import Estimates, Fit, Method, MethodError, Status
 from methods.differentiation import BandLimited, Differentiator
 from methods.equation import EquationModel, compile_balance
+from methods.named_terms import causes_of, verdict_of
 from methods.registry import METHODS
 from methods.usable_logs import check_joint
 
@@ -118,6 +119,7 @@ class Sindy(Method):
         kept = np.flatnonzero(model.coefficients)
         has_input = model.coefficients[-1] != 0.0
         units = _units(facts.position_unit, facts.command_unit)
+        causes = causes_of(joint, [TERMS[k] for k in kept])
         return Fit(
             model=model,
             estimates=Estimates(
@@ -130,6 +132,8 @@ class Sindy(Method):
             status=Status.CONVERGED if has_input else Status.FAILED,
             seconds=time.perf_counter() - begin,
             notes=() if has_input else ("the sparse equation does not contain the command",),
+            causes=causes,
+            verdict=verdict_of(causes),
         )
 
     def _regress(

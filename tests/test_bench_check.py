@@ -249,8 +249,7 @@ def task(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def plugin(task: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A method's file beside a suite of one task."""
     (tmp_path / "mine.py").write_text(METHOD, encoding="utf-8")
-    monkeypatch.setattr(check, "REFERENCE_SEEDS", 6)
-    monkeypatch.setitem(SUITES, "tiny", Suite("tiny", "one task", (str(task),), (), (0, 1)))
+    monkeypatch.setitem(SUITES, "tiny", Suite("tiny", "one task", (str(task),), (), (0, 1), reference_seeds=6))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -155,7 +155,9 @@ def test_suites_name_what_there_is() -> None:
         assert set(suite.tasks) <= set(TASKS.names())
         assert set(suite.methods) <= set(METHODS.names())
         assert len(suite.seeds) == len(set(suite.seeds)) > 0
-    assert len(SUITES["full"].tasks) >= 100  # other test files may have registered tasks and methods since
+    assert len(SUITES["everything"].tasks) >= 100  # other test files may have registered tasks and methods since
+    tags = {tag for name in SUITES["full"].tasks for tag in TASKS[name].tags}
+    assert tags >= {tag for name in TASKS.names() for tag in TASKS[name].tags} - {"naming", "noise-low", "noise-medium"}
     assert len(SUITES["full"].methods) >= 20
     kinds = {tag for name in SUITES["quick"].tasks for tag in TASKS[name].tags}
     assert {"single", "pair", "clean", "hidden", "noise", "second-world"} <= kinds

@@ -35,6 +35,12 @@ def test_the_equation_is_found(log: Log, variant: str) -> None:
     assert np.std(fit.residuals) < 0.02 * np.std(log.command)
 
 
+def test_selected_terms_are_named_as_effects(log: Log) -> None:
+    fit = Sindy(every=1).fit([log], np.random.default_rng(0))
+    assert {cause.effect for cause in fit.causes or ()} == {"coulomb_friction"}
+    assert fit.verdict == "named"
+
+
 def test_the_weak_form_draws_from_its_own_generator(log: Log) -> None:
     np.random.seed(5)  # noqa: NPY002
     before = np.random.get_state()[1].tobytes()  # noqa: NPY002

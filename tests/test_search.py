@@ -17,11 +17,11 @@ from diagnosis.engine import (
     nearly_as_good,
     textbook,
 )
-from diagnosis.estimation import errors, fit, plain
+from diagnosis.estimation import errors, finish, fit, plain, sensitivities
 from diagnosis.hypotheses import Hypothesis, Start, effective_samples, extend, proposals, sizes_of, withdraw
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
 from diagnosis.problem import Problem, stack
-from diagnosis.search import Scored, exchanged, generalised, price
+from diagnosis.search import Scored, exchanged, generalised, price, retimed
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array, JointFacts, Log
 from methods.base import State
@@ -103,6 +103,39 @@ def test_no_view_takes_an_offset_for_noise() -> None:
     filtered, bare = (starts[0] for starts in proposals(problem, views, candidates, sizes_of(problem, nominal)))
     assert min(bare.promise, filtered.promise) > 100.0
     assert bare.values[0, 0] == pytest.approx(0.1, rel=0.05)
+
+
+def test_known_sensitivities_pass_the_filter_of_the_fit() -> None:
+    """Through another filter they would disagree with new ones of the same amount, as a spring's pull and a load."""
+    problem = problem_of({"cable_spring": {"stiffness": 0.6, "pull": -0.3}})
+    nominal = fit_nominal(problem, (JointStructure(gravity="constant"),))
+    known = sensitivities(problem, nominal.point, nominal.error)
+    other = plain(problem, nominal).whitener
+    every, some = (finish(problem, nominal.point, nominal.error, other, 0, k) for k in (None, known[:2]))
+    assert some.jacobian == pytest.approx(every.jacobian, rel=1e-9)
+
+
+def test_a_regression_does_not_move_what_is_known_beforehand() -> None:
+    """Velocities at the beginning, forgotten when the comparison begins, stay what the readings say."""
+    problem = problem_of({"coulomb_friction": {"torque": 0.1}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    start = proposals(problem, [plain(problem, nominal)], [(NAMED["coulomb_friction"], 0)], sizes_of(problem, nominal))
+    shift = start[0][0].shift
+    assert shift is not None
+    for f, own in zip(nominal.point.free, shift, strict=True):
+        if f.kind == "start":
+            assert abs(own) < 3.0 * f.deviation
+
+
+def test_the_instant_of_an_event_is_sought_from_afar() -> None:
+    problem = problem_of({"payload_change": {"inertia": 0.05, "time": 5.1}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    event = Hypothesis(NAMED["payload_change"], 0)
+    near = fit(problem, extend(problem, nominal.point, event, np.array([[0.05, 5.13]])), rounds=1, iterations=3)
+    moved = retimed(problem, near, event)
+    assert moved.point.value("payload_change.time@0") == pytest.approx(5.1, abs=2e-3)
+    friction = Hypothesis(NAMED["coulomb_friction"], 0)
+    assert retimed(problem, near, friction) is near
 
 
 def test_effective_samples() -> None:

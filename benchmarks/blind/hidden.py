@@ -265,7 +265,7 @@ def _wave(d: Draw) -> tuple[float, Parameter]:
     """Radians of ripple per unit of travel, with at least two periods within the range moved."""
     if not d.rotary:
         pitch = log_uniform(d.rng, 0.1, 0.5) * max(d.scales.range, 0.01)
-        return 2 * math.pi / pitch, Parameter(1.0 / pitch, "1/m")
+        return 2 * math.pi / pitch, Parameter(2 * math.pi / pitch, "rad/m")
     least = 2 * math.pi / max(d.scales.range, 0.05) * 2.0
     counts = [count for count in (2, 4, 6, 8, 12, 14, 18, 24, 28, 36, 48, 72, 150) if count >= least] or [150]
     count = float(d.rng.choice(counts))

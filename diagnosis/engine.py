@@ -15,9 +15,10 @@ from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
-from diagnosis.search import Ranked, Scored, hypotheses_of, polish, ranking, score, try_all
+from diagnosis.search import FORM, Ranked, Scored, hypotheses_of, polish, ranking, score, try_all
 from envs.log import Array
 from methods.effects.base import Effect
+from methods.parallel import each
 
 JITTER = "timestamp_jitter"
 """The effect that shows in the scatter of the readings only."""
@@ -28,8 +29,6 @@ FORKS = 2
 """Other ways that are tried."""
 SIMULTANEOUS = 0.2
 """Time [s] between two events that are taken for one."""
-FORM = 0.9
-"""Share of the evidence for the general form of a law from which its textbook form is taken first."""
 STEADY = 0.5
 """Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
 CLEARED = 0.1
@@ -510,16 +509,17 @@ def confirmed(
     problem: Problem, base: Fitted, item: Accepted, later: Sequence[Accepted], settings: Settings
 ) -> Accepted:
     """The effect with those of its rivals that do as well in its place beside the effects found after it."""
-    rivals = []
-    for rival in item.rivals:
+
+    def cost(rival: Scored) -> float:
         point = rival.fitted.point
         for other in later:
             values = base.point.parameters[:, other.joint, problem.kernel.own(other.effect)]
             point = extend(problem, point, other.scored.start.hypothesis, values)
-        fitted = fit(problem, point, rounds=2, iterations=10)
-        if fitted.criterion + rival.price < base.criterion + item.scored.price + settings.rival:
-            rivals.append(rival)
-    return replace(item, rivals=tuple(rivals))
+        return fit(problem, point, rounds=2, iterations=10).criterion + rival.price
+
+    limit = base.criterion + item.scored.price + settings.rival
+    costs = each(cost, item.rivals)
+    return replace(item, rivals=tuple(rival for rival, own in zip(item.rivals, costs, strict=True) if own < limit))
 
 
 def simplified_afterwards(
@@ -668,12 +668,9 @@ def trim(
 
 def _weakest(problem: Problem, base: Fitted, accepted: Sequence[Accepted]) -> tuple[Accepted, float, Fitted]:
     """The effect whose removal costs least, that cost, and the model without it."""
-    options = [
-        (item, smaller.criterion - base.criterion, smaller)
-        for item in accepted
-        for smaller in [without(problem, base, item)]
-    ]
-    return min(options, key=lambda option: option[1])
+    smaller = each(lambda item: without(problem, base, item), accepted)
+    item, best = min(zip(accepted, smaller, strict=True), key=lambda option: option[1].criterion)
+    return item, best.criterion - base.criterion, best
 
 
 def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:

@@ -21,6 +21,7 @@ from diagnosis.whitening import Absorption, absorption
 from envs.log import Array
 from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL
+from methods.parallel import each
 
 OTHER = 1.5
 """Factor by which a shape has to differ from another one to be worth a fit of its own."""
@@ -135,10 +136,11 @@ def proposals(
             ]
     seen = [View.of(problem, view) for view in views]
     found: list[dict[str, list[Start]]] = [{} for _ in views]
-    for hypothesis, values, searched in jobs:
+    proposed = each(lambda job: _regress(problem, seen, *job), jobs)
+    for (hypothesis, _, _), starts in zip(jobs, proposed, strict=True):
         # an event in all logs and one in a single log are told apart by a fit only
         key = f"{hypothesis.effect.name}@{hypothesis.joint}" + ("#" if hypothesis.log >= 0 else "")
-        for own, start in zip(found, _regress(problem, seen, hypothesis, values, searched), strict=True):
+        for own, start in zip(found, starts, strict=True):
             own.setdefault(key, []).append(start)
     lists = []
     for own in found:

@@ -130,7 +130,7 @@ class Problem:
     ) -> Array:
         """Prediction errors (C, T, n) of C candidates: parameters (C, L, n, columns), switches (C, n, effects)."""
         out = np.empty((len(parameters), len(self.time), self.joints))
-        self.kernel.module.batch(
+        self.kernel.batch(
             self.time,
             self.command,
             self.cumulative,

@@ -14,6 +14,7 @@ from diagnosis.whitening import whitener
 from envs.log import Array
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL
+from methods.parallel import each
 
 INERTIA, VISCOUS, BACK_EMF = (NOMINAL.index(name) for name in ("inertia", "viscous", "back_emf"))
 CARRIED = 2
@@ -30,6 +31,10 @@ MOVES = 6
 """Moves of an event's instant, each by up to 256 samples."""
 WORTH = 0.3
 """Least share of the best first fit's decrease for that."""
+CHANCE = 0.2
+"""Share of the best first fit's decrease below which a hypothesis is not carried on."""
+FORM = 0.9
+"""Share of what the general form of a law is worth from which its textbook form is taken first."""
 NEAR = 0.9
 """Share of the best decrease above which a hypothesis counts as its near equal."""
 
@@ -105,15 +110,16 @@ def try_all(
     lists = proposals(problem, views, effects, sizes_of(problem, base))
     own, bare = (
         worth_fitting(problem, starts, base.samples, needed, least)[:refine]
-        for starts, least in zip(lists, (LEAST, 0), strict=True)
+        for starts, least in zip((simplest(lists[0]), hidden(*lists)), (LEAST, 0), strict=True)
     )
     known = sensitivities(problem, base.point, base.error)
-    rough = [(start, fitted) for start in own for fitted in roughly(problem, views[0], start, known)]
+    first = each(lambda start: roughly(problem, views[0], start, known), own)
+    rough = [(start, fitted) for start, found in zip(own, first, strict=True) for fitted in found]
     rough += further(problem, views[1], bare, known)
-    for start in {s.hypothesis.key: s for s in [*bare, *own]}.values():
-        rough += [(start, fit(problem, p, rounds=1, iterations=6)) for p in exchanged(problem, base.point, start)]
-    for start in lists[0]:
-        rough += [(start, fit(problem, p, rounds=1, iterations=6)) for p in generalised(problem, base.point, start)]
+    either = {s.hypothesis.key: s for s in [*bare, *own]}.values()
+    other = [(start, p, 3) for start in either for p in exchanged(problem, base.point, start)]
+    other += [(start, p, 6) for start in lists[0] for p in generalised(problem, base.point, start)]
+    rough += each(lambda item: (item[0], fit(problem, item[1], rounds=1, iterations=item[2])), other)
     promises = {(start.hypothesis.effect.name, start.hypothesis.joint): start.promise for start in reversed(lists[0])}
     return _converged(problem, base, [score(problem, base, start, fitted) for start, fitted in rough], promises, finals)
 
@@ -132,6 +138,34 @@ def worth_fitting(problem: Problem, starts: Sequence[Start], samples: int, neede
         for rank, (start, cost) in enumerate(zip(starts, costs, strict=True))
         if start.promise - cost >= needed and (rank < least or start.promise >= max(NEARLY * cost, FAR * top))
     ]
+
+
+def simplest(starts: Sequence[Start]) -> list[Start]:
+    """The starts without general forms of laws whose textbook form promises nearly as much.
+
+    They can take its place when it is in the model (`generalised`).
+    """
+
+    def is_superfluous(start: Start) -> bool:
+        effect = start.hypothesis.effect
+        return bool(effect.neutral) and any(
+            other.promise >= FORM * start.promise
+            for other in starts
+            if other.hypothesis.joint == start.hypothesis.joint
+            and other.hypothesis.effect.label == effect.label
+            and other.hypothesis.effect.name in effect.includes
+        )
+
+    return [start for start in starts if not is_superfluous(start)]
+
+
+def hidden(filtered: Sequence[Start], bare: Sequence[Start]) -> list[Start]:
+    """The starts that promise more in the errors as they are: the filter may have taken them for noise."""
+    place = lambda start: (start.hypothesis.effect.name, start.hypothesis.joint)  # noqa: E731
+    promised: dict[tuple[str, int], float] = {}
+    for start in filtered:
+        promised[place(start)] = max(start.promise, promised.get(place(start), 0.0))
+    return simplest([start for start in bare if start.promise > promised.get(place(start), 0.0)])
 
 
 def roughly(problem: Problem, view: Fitted, start: Start, known: Array, *, renewed: bool = True) -> list[Fitted]:
@@ -170,17 +204,22 @@ def shifted(point: Point, shift: Array) -> Point:
 
 def further(problem: Problem, view: Fitted, starts: Sequence[Start], known: Array) -> list[tuple[Start, Fitted]]:
     """Fits to the errors as they are, the best of them carried on with a filter of their own."""
-    found = [(start, fitted) for start in starts for fitted in roughly(problem, view, start, known, renewed=False)]
+    first = each(lambda start: roughly(problem, view, start, known, renewed=False), starts)
+    found = [(start, fitted) for start, several in zip(starts, first, strict=True) for fitted in several]
     found.sort(key=lambda item: item[1].criterion)
     limit = view.criterion - WORTH * (view.criterion - found[0][1].criterion) if found else 0.0
-    converged = [
-        (start, fit(problem, fitted.point, view.whitener, rounds=1, iterations=6, renewed=False))
-        for start, fitted in found[: 2 * CARRIED]
-        if fitted.criterion < limit
-    ]
-    converged.sort(key=lambda item: item[1].criterion)
-    carried = [(start, fit(problem, fitted.point, rounds=1, iterations=4)) for start, fitted in converged[:CARRIED]]
-    return [(start, retimed(problem, fitted, start.hypothesis)) for start, fitted in carried]
+
+    def converged(item: tuple[Start, Fitted]) -> tuple[Start, Fitted]:
+        start, fitted = item
+        return start, fit(problem, fitted.point, view.whitener, rounds=1, iterations=6, renewed=False)
+
+    def filtered(item: tuple[Start, Fitted]) -> tuple[Start, Fitted]:
+        start, fitted = item
+        return start, retimed(problem, fit(problem, fitted.point, rounds=1, iterations=4), start.hypothesis)
+
+    best = each(converged, [item for item in found[: 2 * CARRIED] if item[1].criterion < limit])
+    best.sort(key=lambda item: item[1].criterion)
+    return each(filtered, best[:CARRIED])
 
 
 def _converged(
@@ -198,16 +237,20 @@ def _converged(
     first: dict[tuple[str, int], Scored] = {}
     for scored in sorted(rough, key=lambda s: -s.evidence):
         first.setdefault((scored.name, scored.start.hypothesis.joint), scored)
-    final: list[Scored] = []
-    for scored in sorted(first.values(), key=lambda s: s.price - hoped(s))[: finals + 1]:
-        if final and hoped(scored) < 0.2 * max(s.decrease for s in final):
-            break
+
+    def continued(scored: Scored) -> Scored:
         fitted = fit(problem, scored.fitted.point, scored.fitted.whitener, rounds=2, iterations=4)
-        final.append(replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion))
+        return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
+
+    order = sorted(first.values(), key=lambda s: s.price - hoped(s))[: finals + 1]
+    least = CHANCE * max((s.decrease for s in order), default=0.0)
+    final = each(continued, [s for s in order if hoped(s) >= least])
     top = max((scored.decrease for scored in final), default=0.0)
-    near = [scored.decrease > NEAR * top and len(final) > 1 for scored in final]
+    near = [scored.decrease > NEAR * top for scored in final]
     if sum(near) > 1:  # near equals are told apart only when all of them have converged
-        final = [polish(problem, base, s, 6) if is_near else s for s, is_near in zip(final, near, strict=True)]
+        final = each(
+            lambda item: polish(problem, base, item[0], 6) if item[1] else item[0], zip(final, near, strict=True)
+        )
     best: dict[tuple[str, int], Scored] = {}
     for scored in sorted([*final, *rough], key=lambda s: -s.evidence):
         best.setdefault((scored.name, scored.start.hypothesis.joint), scored)

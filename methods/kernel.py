@@ -38,12 +38,15 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from methods.effects.base import Effect
+from methods.parallel import each, workers
 
 NOMINAL = (
     "inertia",
@@ -141,6 +144,13 @@ class Kernel:
             spec.loader.exec_module(module)
         return sys.modules[name]
 
+    def batch(self, *arguments: Any) -> None:
+        """The generated function of the same name, its C L runs spread over all cores."""
+        bounds, parameters = arguments[7], arguments[9]
+        runs = len(parameters) * (len(bounds) - 1)
+        shares = np.linspace(0, runs, min(runs, 2 * workers()) + 1).astype(int)
+        each(lambda span: self.module.batch(*arguments, *span), pairwise(shares.tolist()))
+
 
 def build(effects: Sequence[Effect]) -> Kernel:
     """Kernel for these effects."""
@@ -186,7 +196,7 @@ def _source(kernel: Kernel) -> str:
         constants.append(f"{symbol}_P = {kernel.offsets.get(effect_name, 0)}")
     head = (
         '"""Generated from methods/kernel.py; do not edit."""\n'
-        "import math\nimport numpy as np\nfrom numba import njit, prange\n"
+        "import math\nimport numpy as np\nfrom numba import njit\n"
     )
     return head + "\n".join(constants) + "\n\n" + "\n\n".join(functions) + "\n" + template
 
@@ -775,13 +785,16 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
             return
 
 
-@njit(cache=True, parallel=True, error_model='numpy')
-def batch(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out):
-    """Every candidate (first axis of P and starts) on every log (bounds (L + 1,)). out (C, T, n)."""
-    candidates = P.shape[0]
+@njit(cache=True, error_model='numpy', nogil=True)
+def batch(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out,
+          first, last):
+    """Runs first to last of all C L: candidates (first axis of P and starts) on logs (bounds (L + 1,)).
+
+    out (C, T, n).
+    """
     logs = bounds.shape[0] - 1
     empty = np.zeros((0, u.shape[1], 3))
-    for task in prange(candidates * logs):
+    for task in range(first, last):
         b, l = task // logs, task % logs
         lo, hi = bounds[l], bounds[l + 1]
         if u.shape[1] == 1:

@@ -145,7 +145,7 @@ class Segments:
         emf = parameters[:, :, 0, NOMINAL.index("back_emf")]
         starts[:, :, 0, 2] = u[self.bounds[:-1], 0] - emf * starts[:, :, 0, 1]  # the torque has settled
         out = np.empty((count, len(t), 1))
-        base.kernel.module.batch(
+        base.kernel.batch(
             t, u, total, np.array([0 if self.facts.hold == "zero_order" else 1]), y,
             np.zeros((0, 1, 3)), np.zeros((0, 0, 1)), self.bounds, starts, parameters,
             np.tile(switches, (count, 1, 1)), False, np.tile(rigid, (count, 1)), 0.0, 0.0, base.substeps, out,

@@ -20,9 +20,8 @@ from diagnosis.estimation import Fitted, Point, errors
 from diagnosis.problem import Problem, smooth_derivatives
 from diagnosis.whitening import Whitener
 from envs.log import Array
-from methods.compensated_kernel import compensated, pack
 from methods.kernel import NOMINAL
-from methods.two_layer_network import TwoLayerNetwork
+from methods.two_layer_network import TwoLayerNetwork, pack
 
 CORRECTION = 0.1
 """Length of the smoothing that estimates the state at the beginning of a window [s]."""
@@ -115,7 +114,7 @@ def replay(
     """
     module, n, advance = problem.kernel.module, problem.joints, problem.kernel.module.advance
     if any(compensators):
-        advance = partial(compensated(advance), pack(compensators))
+        advance = partial(module.compensated, pack(compensators))
     shape = problem.reading.shape
     prediction, moved = np.zeros(shape), np.zeros((*shape, 3))
     windows, whole = np.full(shape, np.nan), np.full(shape, np.nan)

@@ -46,6 +46,7 @@ from typing import Any
 import numpy as np
 
 from methods.effects.base import Effect
+from methods.joint_equation import network_value
 from methods.parallel import each, workers
 
 NOMINAL = (
@@ -194,6 +195,7 @@ def _source(kernel: Kernel) -> str:
     for effect_name, symbol in STRUCTURAL.items():
         constants.append(f"{symbol} = {kernel.switches.get(effect_name, -1)}")
         constants.append(f"{symbol}_P = {kernel.offsets.get(effect_name, 0)}")
+    functions.append(inspect.getsource(network_value.py_func))
     head = (
         '"""Generated from methods/kernel.py; do not edit."""\n'
         "import math\nimport numpy as np\nfrom numba import njit\n"
@@ -654,6 +656,18 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                     for j in range(n):
                         out[kk, j] = 1e6
                 return
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
+def compensated(networks, first, last, t, u, cumulative, hold, y, x, extra, S, z, P, on, pair, rigid, leak, rate_leak,
+                substeps, out, motion):
+    """`advance` with packed networks of angle and velocity: their outputs are torques that resist, held per sample."""
+    for k in range(first, last):
+        for j in range(len(networks)):
+            if networks[j, 0] > 0.0:
+                extra[k, j] = network_value(networks[j], 0, S[j, 0], S[j, 1], 0.0, 0.0)
+        advance(k, k + 1, t, u, cumulative, hold, y, x, extra, S, z, P, on, pair, rigid, leak, rate_leak,
+                substeps, out, motion)
 
 
 @njit(cache=True, inline='always', error_model='numpy')

@@ -18,11 +18,10 @@ from scipy.signal import savgol_filter
 from envs.log import Array, Hold, InputKind
 from envs.robot import Robot
 from methods.base import MethodError, Model, Motion, State
-from methods.compensated_kernel import compensated, pack
 from methods.effects import built_in, vocabulary
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL, Kernel, build
-from methods.two_layer_network import TwoLayerNetwork
+from methods.two_layer_network import TwoLayerNetwork, pack
 
 FORMAT = 1
 """Version of the JSON layout."""
@@ -304,7 +303,7 @@ class Session:
         self.extra = np.zeros((len(time) if any(networks) else 0, n))
         self._advance = model.kernel.module.advance
         if any(networks):
-            self._advance = partial(compensated(self._advance), pack(networks))
+            self._advance = partial(model.kernel.module.compensated, pack(networks))
         self.error, self.motion = np.zeros((len(time), n)), np.zeros((len(time), n, 3))
         self.states, self.bristles = np.zeros((n, 7)), np.zeros(n)
 

@@ -11,6 +11,7 @@ named where used.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -58,3 +59,12 @@ def network_inputs(motion: Motion, inputs: NetworkInputs) -> Array:
     """Network inputs (T, m) of a single joint's motion."""
     columns = (motion.position, motion.velocity, motion.acceleration, motion.jerk)[: INPUT_COUNT[inputs]]
     return np.ascontiguousarray(np.concatenate([column[:, :1] for column in columns], axis=1))
+
+
+def pack(networks: Sequence[TwoLayerNetwork | None]) -> Array:
+    """Networks of angle and velocity as rows of an array; a row of zeros where a joint has none."""
+    flat = [np.zeros(1) if network is None else network.flat for network in networks]
+    rows = np.zeros((len(flat), max(map(len, flat))))
+    for row, values in zip(rows, flat, strict=True):
+        row[: len(values)] = values
+    return rows

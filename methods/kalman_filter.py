@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
@@ -32,6 +32,10 @@ ORDER = ("inertia", "damping", "electrical_time_constant", "load", FRICTION, "gr
 """Parameters in the order of the state; ``damping`` is back-EMF or viscous."""
 LOGARITHMIC = 3
 """The first so many of them are estimated by their logarithm."""
+CAUTIOUS = 4
+"""Attempts, each with a third of the doubt of the one before."""
+FARTHEST = 30.0
+"""Standard deviations of the start beyond which an estimate is lost."""
 
 
 @METHODS.register("kalman_filter", "single-joint", "physics")
@@ -87,9 +91,22 @@ class KalmanFilter(Method):
                 likelihood += value
             return mean, covariance, np.concatenate(innovations), likelihood
 
-        best = max(self.levels, key=lambda level: passed(level, mean, np.diag(spread**2), self.trial)[3])
-        for _ in range(self.passes):
-            mean, covariance, innovations, _ = passed(best, mean, np.diag(spread**2), 1e9)
+        def likeliest(level: float) -> float:
+            value = passed(level, mean, np.diag(spread**2), self.trial)[3]
+            return value if np.isfinite(value) else -np.inf
+
+        begun, notes = mean, []
+        for _ in range(CAUTIOUS):
+            best = max(self.levels, key=likeliest)
+            mean = begun
+            for _ in range(self.passes):
+                mean, covariance, innovations, _ = passed(best, mean, np.diag(spread**2), 1e9)
+            if np.all(np.isfinite(mean)) and np.all(np.abs(mean - begun) < FARTHEST * spread + 1e-12):
+                break
+            notes.append("the filter lost the joint and was begun again with a third of the doubt")
+            mean, spread = begun, spread / 3.0
+        else:
+            return replace(first, status=Status.FAILED, residuals=innovations, notes=("the filter loses the joint",))
         values = np.concatenate((np.exp(mean[:LOGARITHMIC]), mean[LOGARITHMIC:]))
         slopes = np.concatenate((values[:LOGARITHMIC], np.ones(len(values) - LOGARITHMIC)))
         kept = [k for k, name in enumerate(names) if name in guess]
@@ -99,9 +116,9 @@ class KalmanFilter(Method):
             model=physical_model(joint, facts, named, logs),
             estimates=coefficient_estimates(named, (covariance * np.outer(slopes, slopes))[np.ix_(kept, kept)], facts),
             residuals=innovations,
-            status=Status.CONVERGED if np.all(np.isfinite(mean)) else Status.FAILED,
+            status=Status.CONVERGED,
             seconds=time.perf_counter() - begin,
-            notes=(f"disturbing acceleration {best:g} of the acceleration's rms",),
+            notes=(*notes, f"disturbing acceleration {best:g} of the acceleration's rms"),
         )
 
     def _prior(self, guess: dict[str, float], names: tuple[str, ...], logs: Sequence[Log]) -> tuple[Array, Array]:
@@ -119,7 +136,7 @@ class KalmanFilter(Method):
         return mean, spread
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _step(x, u, dt, turn, lag, out):
     """State after one sample with held command u."""
     inertia, damping, te = np.exp(x[3]), np.exp(x[4]), np.exp(x[5])
@@ -151,7 +168,7 @@ def _step(x, u, dt, turn, lag, out):
     out[0], out[1], out[2] = q, v, w
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _filtered(reading, command, dt, x, p, noise, disturbance, turn, lag):
     """Innovations and log likelihood; x (n,) and p (n, n) end up behind the last sample."""
     n = len(x)

@@ -24,6 +24,7 @@ import numpy as np
 import pandas as pd
 import typer
 
+from benchmarks.blind.summary import text
 from benchmarks.blind.trials import KEPT_APART, Trial, Truth, make_trial, write_trial
 
 SINGLE_JOINT = ("adept_j1", "adept_j2", "adept_j3", "adept_j4", "servo", "pendulum", "rotor", "stage")
@@ -170,27 +171,8 @@ def run(
 
 @application.command()
 def table(rows: Annotated[Path, typer.Argument(help="CSV written by run.")]) -> None:
-    """Prints the outcomes per kind, parameter errors and coverage, and every trial that was not right."""
-    data = pd.read_csv(rows, keep_default_na=False)
-    typer.echo(pd.crosstab(data.kind, data.outcome).to_string())
-    single = data[(data.kind == "single") & (data.outcome == "right")]
-    compared_rows = [
-        (abs(value / true - 1.0), abs(value - true) < 1.645 * std, noise > 0.0)
-        for parameters, noise in zip(single.parameters, single.amplifier_noise.astype(float), strict=True)
-        for _, true, value, std in json.loads(parameters)
-        if true
-    ]
-    if compared_rows:
-        found = pd.DataFrame(compared_rows, columns=["error", "covered", "amplifier noise"])
-        summary = found.groupby("amplifier noise").agg(
-            parameters=("error", "size"), median_error=("error", "median"), coverage=("covered", "mean")
-        )
-        typer.echo(summary.to_string())
-        closed = pd.to_numeric(single.closed, errors="coerce")
-        typer.echo(f"median share of the explainable gap closed: {closed.median():.4f}")
-    typer.echo(f"median seconds {data.seconds.astype(float).median():.1f}")
-    columns = ["seed", "kind", "family", "hidden", "law", "visibility", "verdict", "named", "rivals", "outcome"]
-    typer.echo(data[data.outcome != "right"][columns].to_string(index=False))
+    """Prints outcomes, confusion of effects, detection threshold, parameter errors, and all that was not right."""
+    typer.echo(text(pd.read_csv(rows, keep_default_na=False)))
 
 
 if __name__ == "__main__":

@@ -474,8 +474,11 @@ def merged(
         if item.name not in chosen.effect.includes or item.joint != chosen.joint:
             continue
         both = chosen.scored.fitted
+        allowed = item.scored.price + settings.threshold
+        if item.label == chosen.label:  # two forms of one law side by side would be a third
+            allowed = max(allowed, (1.0 - FORM) * chosen.scored.decrease)
         for fitted in alone(problem, item, chosen):
-            if fitted.criterion - both.criterion < item.scored.price + settings.threshold:
+            if fitted.criterion - both.criterion < allowed:
                 decrease = chosen.scored.decrease + item.scored.decrease + both.criterion - fitted.criterion
                 chosen = replace(chosen, scored=replace(chosen.scored, fitted=fitted, decrease=decrease))
                 accepted = [other for other in accepted if other is not item]

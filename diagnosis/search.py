@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -109,12 +110,12 @@ def try_all(
     views = [base, plain(problem, base)]
     lists = proposals(problem, views, effects, sizes_of(problem, base))
     own, bare = (
-        worth_fitting(problem, starts, base.samples, needed, least)[:refine]
+        first(worth_fitting(problem, starts, base.samples, needed, least), refine, law)
         for starts, least in zip((simplest(lists[0]), hidden(*lists)), (LEAST, 0), strict=True)
     )
     known = sensitivities(problem, base.point, base.error)
-    first = each(lambda start: roughly(problem, views[0], start, known), own)
-    rough = [(start, fitted) for start, found in zip(own, first, strict=True) for fitted in found]
+    fits = each(lambda start: roughly(problem, views[0], start, known), own)
+    rough = [(start, fitted) for start, found in zip(own, fits, strict=True) for fitted in found]
     rough += further(problem, views[1], bare, known)
     either = {s.hypothesis.key: s for s in [*bare, *own]}.values()
     other = [(start, p, 3) for start in either for p in exchanged(problem, base.point, start)]
@@ -138,6 +139,20 @@ def worth_fitting(problem: Problem, starts: Sequence[Start], samples: int, neede
         for rank, (start, cost) in enumerate(zip(starts, costs, strict=True))
         if start.promise - cost >= needed and (rank < least or start.promise >= max(NEARLY * cost, FAR * top))
     ]
+
+
+Ordered = TypeVar("Ordered")
+
+
+def first(items: Sequence[Ordered], count: int, place: Callable[[Ordered], Hashable]) -> list[Ordered]:
+    """The items of the first so many places."""
+    kept = list(dict.fromkeys(map(place, items)))[:count]
+    return [item for item in items if place(item) in kept]
+
+
+def law(start: Start) -> tuple[str, int]:
+    """The standard name of an effect, whichever form it has, and its joint."""
+    return start.hypothesis.effect.label, start.hypothesis.joint
 
 
 def simplest(starts: Sequence[Start]) -> list[Start]:
@@ -204,8 +219,8 @@ def shifted(point: Point, shift: Array) -> Point:
 
 def further(problem: Problem, view: Fitted, starts: Sequence[Start], known: Array) -> list[tuple[Start, Fitted]]:
     """Fits to the errors as they are, the best of them carried on with a filter of their own."""
-    first = each(lambda start: roughly(problem, view, start, known, renewed=False), starts)
-    found = [(start, fitted) for start, several in zip(starts, first, strict=True) for fitted in several]
+    fits = each(lambda start: roughly(problem, view, start, known, renewed=False), starts)
+    found = [(start, fitted) for start, several in zip(starts, fits, strict=True) for fitted in several]
     found.sort(key=lambda item: item[1].criterion)
     limit = view.criterion - WORTH * (view.criterion - found[0][1].criterion) if found else 0.0
 
@@ -234,15 +249,15 @@ def _converged(
     promises: by effect and joint, in the filtered view; a first fit that stopped short of its promise is carried on.
     """
     hoped = lambda s: max(s.decrease, HOPE * promises.get((s.name, s.start.hypothesis.joint), 0.0))  # noqa: E731
-    first: dict[tuple[str, int], Scored] = {}
+    likeliest: dict[tuple[str, int], Scored] = {}
     for scored in sorted(rough, key=lambda s: -s.evidence):
-        first.setdefault((scored.name, scored.start.hypothesis.joint), scored)
+        likeliest.setdefault((scored.name, scored.start.hypothesis.joint), scored)
 
     def continued(scored: Scored) -> Scored:
         fitted = fit(problem, scored.fitted.point, scored.fitted.whitener, rounds=2, iterations=4)
         return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
 
-    order = sorted(first.values(), key=lambda s: s.price - hoped(s))[: finals + 1]
+    order = first(sorted(likeliest.values(), key=lambda s: s.price - hoped(s)), finals + 1, lambda s: law(s.start))
     least = CHANCE * max((s.decrease for s in order), default=0.0)
     final = each(continued, [s for s in order if hoped(s) >= least])
     top = max((scored.decrease for scored in final), default=0.0)
@@ -290,7 +305,8 @@ def generalised(problem: Problem, point: Point, start: Start) -> list[Point]:
     found = []
     for inner in problem.kernel.effects if effect.neutral else ():
         present = point.switches[j, problem.kernel.switches[inner.name]]
-        if present and inner.name in effect.includes and inner.label == effect.label:
+        same = inner.label == effect.label and inner.size + len(effect.neutral) == effect.size
+        if present and same and inner.name in effect.includes:
             shared = point.parameters[:, j, problem.kernel.own(inner)]
             values = np.hstack([shared, np.tile(effect.neutral, (problem.logs, 1))])
             found.append(extend(problem, withdraw(problem, point, inner.name, j), start.hypothesis, values))

@@ -74,8 +74,11 @@ STRUCTURAL = {
     "presliding_friction_power": "DAHL",
     "payload_change": "PAYLOAD",
     "payload_change_at_rest": "GRASP",
+    "rounded_coulomb_friction": "ROUND",
+    "tapered_coulomb_friction": "TAPER",
+    "rounded_stribeck_friction": "BLEND",
 }
-"""Effects that need states or time shifts of their own and are therefore written in the template below."""
+"""Effects that need states, time shifts or finer steps and are therefore known by name in the template below."""
 
 
 def cache_folder() -> Path:
@@ -457,6 +460,23 @@ def _resolved(P, h):
     return Q
 
 
+@njit(cache=True, error_model='numpy')
+def _finer(P, on, h):
+    """Factor on the number of steps of length h: friction that is rounded has to turn within several of them."""
+    count = 1
+    for j in range(P.shape[0]):
+        slope = 0.0
+        if ROUND >= 0 and on[j, ROUND]:
+            slope = P[j, ROUND_P] / P[j, ROUND_P + 1]
+        if TAPER >= 0 and on[j, TAPER]:
+            slope = max(slope, P[j, TAPER_P] / P[j, TAPER_P + 1])
+        if BLEND >= 0 and on[j, BLEND]:
+            slope = max(slope, (P[j, BLEND_P] + P[j, BLEND_P + 1]) / P[j, BLEND_P + 4])
+        while count < 16 and slope * h > 0.25 * count * P[j, INERTIA]:
+            count *= 2
+    return count
+
+
 @njit(cache=True, inline='always', error_model='numpy')
 def _low_pass(v, state, h, time_constant):
     """Exact first-order low-pass over a step with constant input: (mean output, state at the end)."""
@@ -533,6 +553,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
         substeps, out, motion):
     """Samples first..last-1 of a log from the states S (n, 7) and deflections z (n,), which end up at sample last."""
     T, n = u.shape
+    substeps *= _finer(P, on, (t[1] - t[0]) / substeps)
     P = _resolved(P, (t[1] - t[0]) / substeps)
     D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 7))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
@@ -686,6 +707,7 @@ def _rates_one(t, q, dq, w, heat, ql, dql, u, x, sign, stuck, p, on, has, load):
 def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches, leak, rate_leak, substeps, out):
     """`run` for a single joint with its states in registers. u, y (T,); x (T, 3) or (0, 3); out (T,)."""
     T = u.shape[0]
+    substeps *= _finer(parameters.reshape((1, -1)), switches.reshape((1, -1)), (t[1] - t[0]) / substeps)
     whole = _resolved(parameters.reshape((1, -1)), (t[1] - t[0]) / substeps)[0]
     slots = np.zeros(4, dtype=np.bool_)
     _present(switches, slots)

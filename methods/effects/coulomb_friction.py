@@ -3,6 +3,9 @@
 Source: C. A. de Coulomb 1785; H. Olsson et al., Friction models and friction compensation, Eur. J. Control 4 (1998).
 """
 
+import math
+from dataclasses import replace
+
 from methods.effects.base import Effect, EffectParameter
 
 
@@ -22,3 +25,52 @@ EFFECT = Effect(
     starts=lambda s: [(0.02 * s.torque_rms,)],
     function=friction,
 )
+
+WIDTHS = (0.01, 0.03, 0.1, 0.3)
+"""Velocities over which friction turns, as shares of the rms velocity, that are tried."""
+
+
+def rounded(t, q, dq, w, p):
+    """torque tanh(|dq| / rounding)."""
+    return p[0] * math.tanh(abs(dq) / p[1])
+
+
+def tapered(t, q, dq, w, p):
+    """torque r / (1 + r^taper)^(1 / taper), r = |dq| / rounding."""
+    ratio = min(abs(dq) / p[1], 1e6)
+    return p[0] * ratio * (1.0 + ratio ** p[2]) ** (-1.0 / p[2])
+
+
+ROUNDED = replace(
+    EFFECT,
+    name="rounded_coulomb_friction",
+    kind="coulomb_friction",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("rounding", "velocity", "over which the torque turns: no stiction below it", lower=1e-9),
+    ),
+    equation=r"\tau_f = T_c\,\tanh(\dot q/v_0)",
+    source="S. Andersson, A. Soderberg, S. Bjorklund, Friction models for sliding dry contacts, Tribol. Int. 40 (2007)",
+    includes=("coulomb_friction",),
+    starts=lambda s: [(0.02 * s.torque_rms, share * s.velocity_rms) for share in WIDTHS],
+    function=rounded,
+    tries=2,
+    substeps=2,
+)
+TAPERED = replace(
+    ROUNDED,
+    name="tapered_coulomb_friction",
+    parameters=(
+        *ROUNDED.parameters,
+        EffectParameter(
+            "taper", "ratio", "1 like an arc tangent, 3 like a hyperbolic tangent, 20 with a corner", 0.7, 30.0
+        ),
+    ),
+    equation=r"\tau_f = T_c\,\dot q / (v_0^n + |\dot q|^n)^{1/n}",
+    includes=("rounded_coulomb_friction", "coulomb_friction"),
+    neutral=(2.6,),
+    starts=lambda s: [(0.02 * s.torque_rms, share * s.velocity_rms, 1.5) for share in WIDTHS],
+    function=tapered,
+    tries=1,
+)
+EFFECTS = (EFFECT, ROUNDED, TAPERED)

@@ -4,6 +4,7 @@ Source: B. Armstrong-Helouvry, P. Dupont, C. Canudas de Wit, A survey of models 
 """
 
 import math
+from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter
 
@@ -37,3 +38,29 @@ EFFECT = Effect(
     includes=("coulomb_friction",),
     expected_failures=(("linear_in_amplitudes", "a joint sticks or slips near rest, however small the friction"),),
 )
+
+
+def rounded(t, q, dq, w, p):
+    """(torque + excess exp(-|dq / velocity|^exponent)) tanh(|dq| / rounding)."""
+    return (p[0] + p[1] * math.exp(-(abs(dq / p[2]) ** p[3]))) * math.tanh(abs(dq) / p[4])
+
+
+ROUNDED = replace(
+    EFFECT,
+    name="rounded_stribeck_friction",
+    kind="stribeck_friction",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("rounding", "velocity", "over which the torque turns: no stiction below it", lower=1e-9),
+    ),
+    equation=r"\tau_f = [T_c + (T_s - T_c)\,e^{-|\dot q/v_s|^{\delta}}]\,\tanh(\dot q/v_0)",
+    includes=("stribeck_friction", "coulomb_friction", "rounded_coulomb_friction"),
+    starts=lambda s: [
+        (0.02 * s.torque_rms, 0.01 * s.torque_rms, share * s.velocity_rms, 1.5, 0.15 * share * s.velocity_rms)
+        for share in (0.1, 0.25, 0.6)
+    ],
+    function=rounded,
+    substeps=2,
+    expected_failures=(),
+)
+EFFECTS = (EFFECT, ROUNDED)

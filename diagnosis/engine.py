@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
-from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
+from diagnosis.nominal import JointStructure, fit_nominal, is_timed, limits_settled, timing_settled
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
 from diagnosis.search import FORM, Ranked, Scored, hypotheses_of, polish, ranking, score, try_all
@@ -224,6 +224,7 @@ class Search:
             candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
             ranked = try_all(problem, path.base, candidates, needed=needed)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
+            ranked = timed_anew(problem, path.base, ranked)
             chosen = choose(problem, ranked, settings, explained, first=not path.accepted)
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
@@ -242,7 +243,7 @@ class Search:
         accepted.append(chosen)
         present = path.present | {(name, chosen.joint) for name in (chosen.name, *chosen.effect.includes)}
         present |= {(name, chosen.joint) for name in chosen.effect.excludes}
-        base = limits_settled(problem, chosen.scored.fitted, self.structures)
+        base = timing_settled(problem, limits_settled(problem, chosen.scored.fitted, self.structures))
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
@@ -299,6 +300,19 @@ def select(
     ):
         said = "unknown"
     return Finding(said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused)
+
+
+def timed_anew(problem: Problem, base: Fitted, ranked: list[Scored]) -> list[Scored]:
+    """The hypotheses, the best of them with a timing of their own where the command's timing is no clean one."""
+    if not is_timed(base):
+        return ranked
+    least = FORK * max((scored.evidence for scored in ranked), default=0.0)
+
+    def anew(scored: Scored) -> Scored:
+        fitted = timing_settled(problem, scored.fitted) if scored.evidence > max(least, 0.0) else scored.fitted
+        return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
+
+    return sorted(each(anew, ranked), key=lambda scored: -scored.evidence)
 
 
 def coincides(problem: Problem, scored: Scored, accepted: Sequence[Accepted]) -> bool:

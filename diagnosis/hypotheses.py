@@ -26,6 +26,8 @@ from methods.parallel import each
 OTHER = 1.5
 """Factor by which a shape has to differ from another one to be worth a fit of its own."""
 VISCOUS, BACK_EMF = "viscous", "back_emf"
+FIXED = 1e-4
+"""Standard deviation, as a share of its scale, of a parameter that is held."""
 DAMPING = 0.5
 """Share of the damping by which its mechanical part may differ from the stated one (one standard deviation)."""
 SAMPLES = 500.0
@@ -76,6 +78,10 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
         for a in effect.amplitudes:
             parameters[[log for log in range(problem.logs) if log != hypothesis.log], j, offset + a] = 0.0
     free = list(point.free)
+    if effect.replaces:
+        parameters[:, j, NOMINAL.index(effect.replaces)] = 0.0
+        held = f"{effect.replaces}@{j}"  # it stays in its place, so that sensitivities do
+        free = [replace(f, centre=0.0, deviation=FIXED * f.scale) if f.name == held else f for f in free]
     for i, parameter in enumerate(effect.parameters):
         size = float(np.max(np.abs(values[:, i])))
         size = size if size > 0 else 1e-3
@@ -103,6 +109,8 @@ def withdraw(problem: Problem, point: Point, name: str, joint: int) -> Point:
     switches = point.switches.copy()
     switches[joint, problem.kernel.switches[name]] = False
     free = [f for f in point.free if not (f.name.startswith(f"{name}.") and f.joint == joint)]
+    replaced = next(effect.replaces for effect in problem.kernel.effects if effect.name == name)
+    free = [replace(f, deviation=np.inf) if replaced and f.name == f"{replaced}@{joint}" else f for f in free]
     left = [effect for effect, on in zip(problem.kernel.effects, switches[joint], strict=True) if on]
     parameters = point.parameters
     shared = next((f for f in free if f.name == f"{VISCOUS}@{joint}" and np.isfinite(f.deviation)), None)

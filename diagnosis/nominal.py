@@ -17,6 +17,8 @@ COLUMN = {name: index for index, name in enumerate(NOMINAL)}
 
 EVEN = 20.0
 """Least decrease of -2 log likelihood for which stamps are put aside."""
+TIMING = (-1.6, 0.5)
+"""Earliest and latest action of a command after it is logged, in samples."""
 TOLERANCE = 0.5
 """Share by which a stated time constant or inertia may be wrong (one standard deviation)."""
 
@@ -185,8 +187,8 @@ def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fit
         if any(0.0 < s.torque_limit < largest[j] for j, s in enumerate(structures)):
             limited = _fit_nominal(problem, structures)
             if limited.criterion < best.criterion:
-                return limited
-    return best
+                best = limited
+    return timing_settled(problem, best)
 
 
 def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStructure, ...]) -> Fitted:
@@ -208,6 +210,50 @@ def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStru
         if other.criterion < fitted.criterion:
             fitted = other
     return fitted
+
+
+def timing_settled(problem: Problem, fitted: Fitted) -> Fitted:
+    """The fit with the command's timing free, and integrated as simulators do, where the logs ask for it.
+
+    Simulators that step by semi-implicit Euler's rule read half a step late, others half a step early, and logs may
+    hold a reading beside the command that led to it: that is no matter of the robot. A delay in the model is. One Euler
+    step per sample also has another gain, by the square of step times frequency.
+    """
+    cost = (np.log(fitted.samples) + EVEN) * problem.joints
+    exact = _timed(problem, fitted, free=False, euler=False)
+    timed = _timed(problem, fitted, free=True, euler=False)
+    if exact.criterion - timed.criterion < cost and not is_timed(fitted):
+        return exact
+    options = [(exact, 0.0), (timed, cost)]
+    options += [(_timed(problem, fitted, free=free, euler=True), cost * (1.0 + free)) for free in (False, True)]
+    return min(options, key=lambda option: option[0].criterion + option[1])[0]
+
+
+def is_timed(fitted: Fitted) -> bool:
+    """Whether the command's timing is free in a model, or its integration a simulator's."""
+    return any(f.name.startswith("timing@") for f in fitted.point.free) or bool(
+        np.any(fitted.point.parameters[..., COLUMN["stepping"]])
+    )
+
+
+def _timed(problem: Problem, fitted: Fitted, *, free: bool, euler: bool) -> Fitted:
+    """The same model with another timing; joints with a delay keep theirs at zero. As it is where it is so already."""
+    parameters, names = fitted.point.parameters.copy(), {f.name for f in fitted.point.free}
+    others = tuple(f for f in fitted.point.free if not f.name.startswith("timing@"))
+    found = others
+    for j in range(problem.joints):
+        on = fitted.point.switches[j]
+        delayed = any(effect.replaces == "timing" and on[k] for k, effect in enumerate(problem.kernel.effects))
+        if not free or delayed:
+            parameters[:, j, COLUMN["timing"]] = 0.0
+        else:
+            least, most = (share * problem.sample_time for share in TIMING)
+            found += (Free(f"timing@{j}", "joint", j, COLUMN["timing"], problem.sample_time, least, most),)
+    parameters[:, :, COLUMN["stepping"]] = float(euler)
+    same = np.array_equal(parameters, fitted.point.parameters) and {f.name for f in found} == names
+    if same or (free and found == others and not euler):
+        return fitted if same else _timed(problem, fitted, free=False, euler=euler)
+    return fit(problem, replace(fitted.point, parameters=parameters, free=found), rounds=2, iterations=8)
 
 
 def _fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:

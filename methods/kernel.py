@@ -59,8 +59,15 @@ NOMINAL = (
     "load",
     "torque_square_mean",
     "torque_limit",
+    "timing",
+    "stepping",
 )
-"""Nominal parameters of a joint, the first columns of the parameter array."""
+"""Nominal parameters of a joint, the first columns of the parameter array.
+
+timing: by how much the command acts after it is logged [s], negative in the logs of simulators that step before they
+read. stepping: 1 for a simulator that takes one semi-implicit Euler step per sample, friction by the sign of the
+velocity before it, else 0.
+"""
 STRUCTURAL = {
     "amplifier_lag": "LAG",
     "input_delay": "DELAY",
@@ -207,7 +214,7 @@ def _source(kernel: Kernel) -> str:
 
 
 _TEMPLATE = '''
-INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
+INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT, TIMING, STEPPING = range(11)
 Q, DQ, W, A, HEAT, QL, DQL = range(7)
 
 
@@ -432,7 +439,7 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
 @njit(cache=True, inline='always', error_model='numpy')
 def _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on):
     """Mean of the held, delayed command over substep i of sample k; a lag below zero stands for a delay."""
-    shift = 0.0
+    shift = p[TIMING] / dt
     if p[ELECTRICAL] < 0.0:
         shift -= p[ELECTRICAL] / dt
     if DELAY >= 0 and on[DELAY]:
@@ -553,7 +560,8 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
         substeps, out, motion):
     """Samples first..last-1 of a log from the states S (n, 7) and deflections z (n,), which end up at sample last."""
     T, n = u.shape
-    substeps *= _finer(P, on, (t[1] - t[0]) / substeps)
+    euler = P[0, STEPPING] > 0.0
+    substeps = 1 if euler else substeps * _finer(P, on, (t[1] - t[0]) / substeps)
     P = _resolved(P, (t[1] - t[0]) / substeps)
     D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 7))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
@@ -635,13 +643,21 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                             continue
                         first_rates[:, :] = D
                         total[:, :] = D
+                        if euler:
+                            stage = 3
+                            for j in range(n):
+                                for m in range(7):
+                                    total[j, m] = 6.0 * D[j, m]
+                                if not stuck[j]:
+                                    total[j, Q] = 6.0 * S[j, DQ] + span * total[j, DQ]
+                                total[j, QL] = 6.0 * S[j, DQL] + span * total[j, DQL]
                     else:
                         weight = 2.0 if stage < 3 else 1.0
                         for j in range(n):
                             for m in range(7):
                                 total[j, m] += weight * D[j, m]
                     stage += 1
-                    if stage == 4 and stopped < 0 and events < 6:
+                    if stage == 4 and stopped < 0 and events < 6 and not euler:
                         share = 1.0
                         for j in range(n):
                             if dry[j] and not stuck[j] and S[j, DQ] != 0.0:
@@ -707,7 +723,11 @@ def _rates_one(t, q, dq, w, heat, ql, dql, u, x, sign, stuck, p, on, has, load):
 def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches, leak, rate_leak, substeps, out):
     """`run` for a single joint with its states in registers. u, y (T,); x (T, 3) or (0, 3); out (T,)."""
     T = u.shape[0]
-    substeps *= _finer(parameters.reshape((1, -1)), switches.reshape((1, -1)), (t[1] - t[0]) / substeps)
+    euler = parameters[STEPPING] > 0.0
+    if euler:
+        substeps = 1
+    else:
+        substeps *= _finer(parameters.reshape((1, -1)), switches.reshape((1, -1)), (t[1] - t[0]) / substeps)
     whole = _resolved(parameters.reshape((1, -1)), (t[1] - t[0]) / substeps)[0]
     slots = np.zeros(4, dtype=np.bool_)
     _present(switches, slots)
@@ -777,6 +797,10 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
                         dry = dry or level > 0.0
                         dq1, w1, h1, a1, dql1, b1 = dqs, ws, hs, a, dqls, b
                         sum_q, sum_w, sum_h, sum_a, sum_ql, sum_b = dq1, w1, h1, a1, dql1, b1
+                        if euler:
+                            stage = 3
+                            sum_w, sum_h, sum_a, sum_b = 6.0 * w1, 6.0 * h1, 6.0 * a1, 6.0 * b1
+                            sum_q, sum_ql = 6.0 * dq + span * sum_a, 6.0 * dql + span * sum_b
                     else:
                         weight = 2.0 if stage < 3 else 1.0
                         sum_q += weight * dqs
@@ -789,7 +813,7 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
                     total = span / 6.0 * sum_a
                     if (
                         stage == 4 and not stopped and event < 6 and dry and not stuck and dq != 0.0
-                        and (dq + total) * dq < 0.0
+                        and (dq + total) * dq < 0.0 and not euler
                     ):  # it would reverse: the step ends where it stops
                         span *= _crossing(dq, span * a1, total)
                         stopped, stage = True, 1

@@ -102,7 +102,8 @@ class Effect:
         ``position`` (cycles per revolution), ``event`` (instants), or None.
     variable: the signal against which the effect shows itself in a plot.
     includes: names of effects that this one contains as a special case. exchanges: nominal parameter that can stand in
-        for the first parameter, or nothing. substeps: integration steps per sample.
+        for the first parameter, or nothing. replaces: nominal parameter that has no meaning beside this effect.
+    substeps: integration steps per sample.
     resolved: whether parameters (size,) describe something that logs of these scales can show at all, where that has to
         be asked: a deflection far below the encoder's step is an integrator's, not a spring's.
     tries: starting values, each of another shape, from which it is fitted before it is compared with others.
@@ -130,6 +131,7 @@ class Effect:
     includes: tuple[str, ...] = ()
     neutral: tuple[float, ...] = ()
     exchanges: str = ""
+    replaces: str = ""
     resolved: Callable[[Sequence[float], Scales], bool] | None = None
     tries: int = 1
     drives: bool = False

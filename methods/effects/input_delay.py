@@ -17,4 +17,5 @@ EFFECT = Effect(
     source="Astrom and Wittenmark",
     starts=lambda s: [(0.5 * s.sample_time,), (3.0 * s.sample_time,), (10.0 * s.sample_time,)],
     exchanges="electrical_time_constant",
+    replaces="timing",
 )

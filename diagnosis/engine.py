@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
-from diagnosis.nominal import JointStructure, fit_nominal, is_timed, limits_settled, timing_settled
+from diagnosis.nominal import JointStructure, asks_for_timing, fit_nominal, is_timed, limits_settled, timing_settled
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
 from diagnosis.search import FORM, Ranked, Scored, hypotheses_of, polish, ranking, score, try_all
@@ -201,7 +201,7 @@ class Path:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What stays the same all along a search."""
+    """What stays the same all along a search; timed: whether the nominal model already asks for a timing."""
 
     problem: Problem
     structures: tuple[JointStructure, ...]
@@ -209,6 +209,7 @@ class Search:
     settings: Settings
     nominal: Fitted
     tell: Callable[[str], None]
+    timed: bool
 
     def grown(self, path: Path) -> Path:
         """The path continued as far as effects are found."""
@@ -224,7 +225,7 @@ class Search:
             candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
             ranked = try_all(problem, path.base, candidates, needed=needed)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
-            ranked = timed_anew(problem, path.base, ranked)
+            ranked = timed_anew(problem, path.base, ranked) if self.timed or is_timed(path.base) else ranked
             chosen = choose(problem, ranked, settings, explained, first=not path.accepted)
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
@@ -243,7 +244,8 @@ class Search:
         accepted.append(chosen)
         present = path.present | {(name, chosen.joint) for name in (chosen.name, *chosen.effect.includes)}
         present |= {(name, chosen.joint) for name in chosen.effect.excludes}
-        base = timing_settled(problem, limits_settled(problem, chosen.scored.fitted, self.structures))
+        base = limits_settled(problem, chosen.scored.fitted, self.structures)
+        base = timing_settled(problem, base, asked=self.timed or None)
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
@@ -274,7 +276,7 @@ def select(
     Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
     """
     nominal = fit_nominal(problem, structures)
-    search = Search(problem, structures, effects, settings, nominal, tell)
+    search = Search(problem, structures, effects, settings, nominal, tell, asks_for_timing(problem, nominal))
     path = search.grown(Path(nominal, (), frozenset(), (nominal,)))
     forks = path.forks[:FORKS] if exchange else ()
     for earlier, other in forks:
@@ -303,13 +305,13 @@ def select(
 
 
 def timed_anew(problem: Problem, base: Fitted, ranked: list[Scored]) -> list[Scored]:
-    """The hypotheses, the best of them with a timing of their own where the command's timing is no clean one."""
-    if not is_timed(base):
-        return ranked
+    """The hypotheses, the best of them with a timing of their own."""
     least = FORK * max((scored.evidence for scored in ranked), default=0.0)
 
     def anew(scored: Scored) -> Scored:
-        fitted = timing_settled(problem, scored.fitted) if scored.evidence > max(least, 0.0) else scored.fitted
+        fitted = (
+            timing_settled(problem, scored.fitted, asked=True) if scored.evidence > max(least, 0.0) else scored.fitted
+        )
         return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
 
     return sorted(each(anew, ranked), key=lambda scored: -scored.evidence)

@@ -212,21 +212,43 @@ def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStru
     return fitted
 
 
-def timing_settled(problem: Problem, fitted: Fitted) -> Fitted:
+def timing_settled(problem: Problem, fitted: Fitted, *, asked: bool | None = None) -> Fitted:
     """The fit with the command's timing free, and integrated as simulators do, where the logs ask for it.
 
     Simulators that step by semi-implicit Euler's rule read half a step late, others half a step early, and logs may
     hold a reading beside the command that led to it: that is no matter of the robot. A delay in the model is. One Euler
-    step per sample also has another gain, by the square of step times frequency.
+    step per sample also has another gain, by the square of step times frequency. A timing at the end of its range
+    stands in for something else.
     """
-    cost = (np.log(fitted.samples) + EVEN) * problem.joints
+    cost = _timing_cost(problem, fitted)
+    exact = _timed(problem, fitted, free=False, euler=False)
+    if not (asks_for_timing(problem, fitted) if asked is None else asked):
+        return exact
+    options = [(exact, 0.0)]
+    for free, euler in ((True, False), (False, True), (True, True)):
+        other = _timed(problem, fitted, free=free, euler=euler)
+        if not _at_an_end(other):
+            options.append((other, cost * (free + euler)))
+    return min(options, key=lambda option: option[0].criterion + option[1])[0]
+
+
+def asks_for_timing(problem: Problem, fitted: Fitted) -> bool:
+    """Whether a timing, within its range or at the end of it, or a simulator's integration explains something."""
+    if is_timed(fitted):
+        return True
     exact = _timed(problem, fitted, free=False, euler=False)
     timed = _timed(problem, fitted, free=True, euler=False)
-    if exact.criterion - timed.criterion < cost and not is_timed(fitted):
-        return exact
-    options = [(exact, 0.0), (timed, cost)]
-    options += [(_timed(problem, fitted, free=free, euler=True), cost * (1.0 + free)) for free in (False, True)]
-    return min(options, key=lambda option: option[0].criterion + option[1])[0]
+    return exact.criterion - timed.criterion > _timing_cost(problem, fitted)
+
+
+def _timing_cost(problem: Problem, fitted: Fitted) -> float:
+    return float((np.log(fitted.samples) + EVEN) * problem.joints)
+
+
+def _at_an_end(fitted: Fitted) -> bool:
+    """Whether a free timing has come to the end of its range."""
+    own = [(f, v) for f, v in zip(fitted.point.free, fitted.point.vector, strict=True) if f.name.startswith("timing@")]
+    return any(min(v - f.lower, f.upper - v) < 0.02 * f.scale for f, v in own)
 
 
 def is_timed(fitted: Fitted) -> bool:

@@ -19,7 +19,7 @@ from diagnosis.engine import (
 )
 from diagnosis.estimation import errors, finish, fit, plain, sensitivities
 from diagnosis.hypotheses import Hypothesis, Start, effective_samples, extend, proposals, sizes_of, withdraw
-from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
+from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at
 from diagnosis.problem import Problem, stack
 from diagnosis.search import Scored, exchanged, generalised, price, retimed
 from diagnosis.whitening import absorption, whitener
@@ -232,7 +232,8 @@ def test_rivals_are_judged_beside_what_was_found_later() -> None:
 def test_lags_trade_places() -> None:
     """The three lags in series of a joint with a slow amplifier: the effect is tried as each of the other two."""
     problem = problem_of({"amplifier_lag": {"time_constant": 0.02}})
-    nominal = fit_nominal(problem, (JointStructure(electrical_time_constant=0.005, inertia=0.08),))
+    structure = JointStructure(electrical_time_constant=0.005, inertia=0.08)
+    nominal = fit(problem, point_at(problem, (structure,), (True,)), rounds=3, iterations=12)
     starts = proposals(problem, [nominal], [(NAMED["amplifier_lag"], 0)], sizes_of(problem, nominal))[0]
     fits = [fit(problem, p, rounds=3, iterations=12) for p in exchanged(problem, nominal.point, starts[0])]
     lags = [fitted.point.value("amplifier_lag.time_constant@0") for fitted in fits]

@@ -29,6 +29,8 @@ FORKS = 2
 """Other ways that are tried."""
 SIMULTANEOUS = 0.2
 """Time [s] between two events that are taken for one."""
+TIMED = 0.7
+"""Share of the best evidence from which a hypothesis is compared with a timing of its own."""
 STEADY = 0.5
 """Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
 CLEARED = 0.1
@@ -225,7 +227,7 @@ class Search:
             candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
             ranked = try_all(problem, path.base, candidates, needed=needed)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
-            ranked = timed_anew(problem, path.base, ranked) if self.timed or is_timed(path.base) else ranked
+            ranked = timed_anew(problem, path.base, ranked, asked=self.timed or None)
             chosen = choose(problem, ranked, settings, explained, first=not path.accepted)
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
@@ -304,14 +306,19 @@ def select(
     return Finding(said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused)
 
 
-def timed_anew(problem: Problem, base: Fitted, ranked: list[Scored]) -> list[Scored]:
-    """The hypotheses, the best of them with a timing of their own."""
-    least = FORK * max((scored.evidence for scored in ranked), default=0.0)
+def timed_anew(problem: Problem, base: Fitted, ranked: list[Scored], *, asked: bool | None) -> list[Scored]:
+    """The hypotheses, those that compete for the first place with a timing of their own."""
+    evidence = sorted((scored.evidence for scored in ranked), reverse=True)
+    if not evidence or evidence[0] <= 0.0:
+        return ranked
+    least = TIMED * evidence[0]
+    if not (asked or is_timed(base)) and sum(own > least for own in evidence) < 2:
+        return ranked
 
     def anew(scored: Scored) -> Scored:
-        fitted = (
-            timing_settled(problem, scored.fitted, asked=True) if scored.evidence > max(least, 0.0) else scored.fitted
-        )
+        if scored.evidence <= least:
+            return scored
+        fitted = timing_settled(problem, scored.fitted, asked=asked)
         return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
 
     return sorted(each(anew, ranked), key=lambda scored: -scored.evidence)
@@ -379,7 +386,8 @@ def choose(
 
 
 def textbook(ranked: Sequence[Scored]) -> list[Scored]:
-    """One form of every law, best first: the likeliest, or the one that it includes where that does nearly as well.
+    """One form of every law, best first: the likeliest, or the one that it includes where that does nearly as well and
+    leaves no other law ahead.
 
     A form with more freedom than the textbook's repairs what other effects have yet to explain; it can still take the
     textbook's place when they do (`merged`).
@@ -387,10 +395,13 @@ def textbook(ranked: Sequence[Scored]) -> list[Scored]:
     forms: dict[tuple[str, int], list[Scored]] = {}
     for scored in ranked:
         forms.setdefault((scored.label, scored.start.hypothesis.joint), []).append(scored)
+    likeliest = {place: max(own, key=lambda s: s.evidence) for place, own in forms.items()}
     chosen = []
-    for own in forms.values():
-        best = max(own, key=lambda s: s.evidence)
-        simple = [s for s in own if s.name in best.effect.includes and s.evidence > FORM * best.evidence]
+    for place, own in forms.items():
+        best = likeliest[place]
+        rival = max((s.evidence for other, s in likeliest.items() if other != place), default=-np.inf)
+        least = max(FORM * best.evidence, rival if rival < best.evidence else -np.inf)
+        simple = [s for s in own if s.name in best.effect.includes and s.evidence > least]
         chosen.append(simple[0] if simple else best)
     return sorted(chosen, key=lambda s: -s.evidence)
 

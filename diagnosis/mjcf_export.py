@@ -397,7 +397,7 @@ def reproduction(model: StructuredModel, exported: Exported, names: Sequence[str
     """Rms difference per joint (n,) between MuJoCo and the model without what MuJoCo lacks, from rest at 0."""
     ramp = np.linspace(0.0, 1.0, round(0.25 / model.sample_time))[:, None]
     command = np.concatenate([ramp * command[0], command])  # both begin at rest with nothing on its way
-    plain = model
+    plain = model.unrecorded()
     for joint, effect in exported.missing:
         plain = plain.without(joint, effect)
     start = State.at_rest(np.zeros(len(names)))

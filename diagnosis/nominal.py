@@ -238,6 +238,8 @@ def asks_for_timing(problem: Problem, fitted: Fitted) -> bool:
         return True
     exact = _timed(problem, fitted, free=False, euler=False)
     timed = _timed(problem, fitted, free=True, euler=False)
+    if not is_timed(timed):  # a delay is in its place
+        timed = _timed(problem, fitted, free=False, euler=True)
     return exact.criterion - timed.criterion > _timing_cost(problem, fitted)
 
 

@@ -164,6 +164,7 @@ def diagnose(
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
+        findings += [said for j in range(len(group)) if (said := timing_said(solved, j))]
         inputs = tuple(structure_.input for structure_ in solved.structures)
         extensions.append(
             Extension(group, inputs, solved.units, solved.held_out, solved.last.point, solved.compensators)
@@ -189,6 +190,24 @@ def diagnose(
         mujoco_difference=twin.difference,
     )
     return diagnosis, model, twin
+
+
+def timing_said(solved: Solved, j: int) -> str:
+    """When the command of joint index j acts, where that is not when it is logged; nothing otherwise."""
+    row, dt = solved.finding.final.point.parameters[0, j], solved.problem.sample_time
+    shift = float(row[NOMINAL.index("timing")])
+    euler = row[NOMINAL.index("stepping")] > 0.0
+    said = []
+    if abs(shift) > NOTICED * dt:
+        when = "before" if shift < 0.0 else "after"
+        said.append(f"the command acts {abs(shift) * 1e3:.3g} ms {when} it is logged ({abs(shift) / dt:.2g} samples)")
+    if euler:
+        said.append("the motion is that of a simulator with one semi-implicit Euler step per sample")
+    return f"joint {solved.joints[j]}: {'; '.join(said)}; the model takes that into account" if said else ""
+
+
+NOTICED = 0.02
+"""Share of a sample by which a command has to act earlier or later than logged to be told."""
 
 
 def compared(

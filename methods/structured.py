@@ -34,6 +34,10 @@ COMPENSATOR = "compensator"
 """Name of the network among the parts of a model that can be left out."""
 
 
+RECORDING = ("timing", "stepping")
+"""Nominal parameters that are properties of logs, not of robots."""
+
+
 @dataclass(frozen=True)
 class StructuredJoint:
     """One joint: nominal parameters by the names of `methods.kernel.NOMINAL`, effects with their model parameters.
@@ -145,6 +149,14 @@ class StructuredModel(Model):
 
         return replace(self, parts=tuple(reduced(p) if p.joint == joint else p for p in self.parts))
 
+    def unrecorded(self) -> StructuredModel:
+        """The robot alone, without what belongs to the logs it was found in: their timing and their integration."""
+
+        def timeless(part: StructuredJoint) -> StructuredJoint:
+            return replace(part, nominal={k: v for k, v in part.nominal.items() if k not in RECORDING})
+
+        return replace(self, parts=tuple(map(timeless, self.parts)))
+
     def simulate(self, time: Array, command: Array, initial: State, hold: Hold = "zero_order") -> Motion:
         """Motion (T, n) of what the sensors read, from `initial`; see `Model.simulate`.
 
@@ -219,7 +231,7 @@ class StructuredModel(Model):
         """Time by which a command has to come earlier than its torque [s]."""
         delay = part.effects.get("input_delay", {}).get("delay", 0.0)
         lag = part.effects.get("amplifier_lag", {}).get("time_constant", 0.0)
-        return delay + lag + part.nominal.get("electrical_time_constant", 0.0)
+        return delay + lag + part.nominal.get("electrical_time_constant", 0.0) + part.nominal.get("timing", 0.0)
 
     def to_json(self) -> str:
         """The model as text; `from_json` is its inverse to the last bit."""
@@ -375,7 +387,7 @@ class StructuredSimulator:
     def __init__(self, model: StructuredModel, robot: Robot, *, sample_time: float | None = None):
         self.robot = robot
         self.sample_time = model.sample_time if sample_time is None else sample_time
-        self._model = replace(model, sample_time=self.sample_time)
+        self._model = replace(model.unrecorded(), sample_time=self.sample_time)
         self._rows = [joint - 1 for joint in model.joints]
         self.held = tuple(number for number in range(1, len(robot) + 1) if number not in model.joints)
         self._position = np.full(len(robot), np.nan)

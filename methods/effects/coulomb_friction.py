@@ -30,21 +30,22 @@ WIDTHS = (0.01, 0.03, 0.1, 0.3)
 """Velocities over which friction turns, as shares of the rms velocity, that are tried."""
 
 
-def rounded(t, q, dq, w, p):
-    """torque tanh(|dq| / rounding)."""
-    return p[0] * math.tanh(abs(dq) / p[1])
+def rounded(t, q, dq, w, x, p):
+    """torque tanh(dq / rounding)."""
+    return p[0] * math.tanh(dq / p[1])
 
 
-def tapered(t, q, dq, w, p):
-    """torque r / (1 + r^taper)^(1 / taper), r = |dq| / rounding."""
+def tapered(t, q, dq, w, x, p):
+    """torque r / (1 + |r|^taper)^(1 / taper), r = dq / rounding."""
     ratio = min(abs(dq) / p[1], 1e6)
-    return p[0] * ratio * (1.0 + ratio ** p[2]) ** (-1.0 / p[2])
+    return math.copysign(p[0] * ratio * (1.0 + ratio ** p[2]) ** (-1.0 / p[2]), dq)
 
 
 ROUNDED = replace(
     EFFECT,
     name="rounded_coulomb_friction",
     kind="coulomb_friction",
+    slot="torque",
     parameters=(
         *EFFECT.parameters,
         EffectParameter("rounding", "velocity", "over which the torque turns: no stiction below it", lower=1e-9),

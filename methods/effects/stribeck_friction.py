@@ -40,15 +40,16 @@ EFFECT = Effect(
 )
 
 
-def rounded(t, q, dq, w, p):
-    """(torque + excess exp(-|dq / velocity|^exponent)) tanh(|dq| / rounding)."""
-    return (p[0] + p[1] * math.exp(-(abs(dq / p[2]) ** p[3]))) * math.tanh(abs(dq) / p[4])
+def rounded(t, q, dq, w, x, p):
+    """(torque + excess exp(-|dq / velocity|^exponent)) tanh(dq / rounding)."""
+    return (p[0] + p[1] * math.exp(-(abs(dq / p[2]) ** p[3]))) * math.tanh(dq / p[4])
 
 
 ROUNDED = replace(
     EFFECT,
     name="rounded_stribeck_friction",
     kind="stribeck_friction",
+    slot="torque",
     parameters=(
         *EFFECT.parameters,
         EffectParameter("rounding", "velocity", "over which the torque turns: no stiction below it", lower=1e-9),

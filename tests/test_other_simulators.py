@@ -1,0 +1,103 @@
+"""Logs of simulators as people write them, with rounded friction and Euler steps: the cause is found, nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from diagnosis.engine import Finding, find
+from diagnosis.nominal import JointStructure
+from diagnosis.problem import stack
+from envs.log import JointFacts, Log
+from methods.effects import built_in
+from methods.kernel import NOMINAL, build
+
+EFFECTS = built_in()
+DT, INERTIA, VISCOUS = 2e-3, 0.07, 0.8
+Friction = Callable[[float], float]
+
+
+def record(
+    seed: int, friction: Friction, *, steps: int, late: int = 0, noise: float = 1e-5, seconds: float = 12.0
+) -> Log:
+    """A torque-driven joint by semi-implicit Euler steps, so many per sample; the command acts `late` samples later."""
+    rng = np.random.default_rng(seed)
+    time = DT * np.arange(round(seconds / DT))
+    hertz = np.linspace(0.3, 6.0, 14) * (1.0 + 0.1 * seed)
+    command = 0.35 * np.sum(np.sin(2 * np.pi * np.outer(time, hertz) + rng.uniform(0.0, 6.28, 14)), axis=1)
+    q, w, h, reading = 0.3, 0.0, DT / steps, np.empty(len(time))
+    for k in range(len(time)):
+        reading[k] = q
+        u = float(command[max(k - late, 0)])
+        for _ in range(steps):
+            w += h * (u - VISCOUS * w - friction(w)) / INERTIA
+            q += h * w
+    reading += noise * rng.standard_normal(len(time))
+    facts = JointFacts(input="torque", position_unit="rad")
+    return Log(time, command[:, None], reading[:, None], (1,), facts=(facts,), name=f"log {seed}")
+
+
+def diagnosed(friction: Friction, **how: int) -> Finding:
+    logs = [record(seed, friction, **how) for seed in (0, 1)]
+    return find(stack(build(EFFECTS), logs, (1,)), (JointStructure(input="torque", electrical=False),), EFFECTS)
+
+
+def names(finding: Finding) -> list[str]:
+    return [item.label for item in finding.accepted]
+
+
+def free(finding: Finding, name: str) -> float:
+    return finding.final.point.value(f"{name}@0")
+
+
+@pytest.mark.parametrize("steps", [1, 4])
+def test_steps_of_an_integrator_are_no_fault_of_the_robot(steps: int) -> None:
+    finding = diagnosed(lambda w: 0.0, steps=steps)
+    assert (finding.verdict, names(finding)) == ("none", [])
+    row = finding.final.point.parameters[0, 0]
+    lead = 0.5 * DT * row[NOMINAL.index("stepping")] - row[NOMINAL.index("timing")]
+    assert lead == pytest.approx(0.5 * DT / steps, rel=0.05)
+    assert free(finding, "inertia") == pytest.approx(INERTIA, rel=0.01)
+
+
+def test_a_delay_in_the_log_of_such_a_simulator_is_one() -> None:
+    finding = diagnosed(lambda w: 0.0, steps=1, late=3)
+    assert (finding.verdict, names(finding)) == ("named", ["input_delay"])
+    assert free(finding, "input_delay.delay") == pytest.approx(3 * DT, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("friction", "width"),
+    [
+        (lambda w: 0.12 * math.tanh(w / 0.02), 0.02),
+        (lambda w: 0.12 * math.tanh(w / 0.002), 0.002),
+        (lambda w: 0.12 * w / math.hypot(w, 0.05), 0.05),
+    ],
+    ids=["tanh", "narrow tanh", "root"],
+)
+def test_friction_whose_sign_is_rounded_is_dry_friction(friction: Friction, width: float) -> None:
+    finding = diagnosed(friction, steps=20)
+    assert (finding.verdict, names(finding)) == ("named", ["coulomb_friction"])
+    form = finding.accepted[0].name
+    assert free(finding, f"{form}.torque") == pytest.approx(0.12, rel=0.01)
+    assert free(finding, f"{form}.rounding") == pytest.approx(width, rel=0.1)
+
+
+def test_the_sign_of_the_velocity_as_friction() -> None:
+    finding = diagnosed(lambda w: 0.12 * math.copysign(1.0, w), steps=1)
+    assert (finding.verdict, names(finding)) == ("named", ["coulomb_friction"])
+    assert free(finding, "coulomb_friction.torque") == pytest.approx(0.12, rel=0.01)
+
+
+def test_stribeck_friction_with_a_rounded_sign() -> None:
+    def friction(w: float) -> float:
+        return (0.12 + 0.1 * math.exp(-((w / 0.15) ** 2))) * math.tanh(w / 0.02)
+
+    finding = diagnosed(friction, steps=20)
+    assert (finding.verdict, names(finding)) == ("named", ["stribeck_friction"])
+    form = finding.accepted[0].name
+    assert free(finding, f"{form}.torque") == pytest.approx(0.12, rel=0.02)
+    assert free(finding, f"{form}.excess") == pytest.approx(0.1, rel=0.05)

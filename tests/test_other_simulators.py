@@ -12,8 +12,10 @@ from diagnosis.engine import Finding, find
 from diagnosis.nominal import JointStructure
 from diagnosis.problem import stack
 from envs.log import JointFacts, Log
+from methods.base import State
 from methods.effects import built_in
 from methods.kernel import NOMINAL, build
+from methods.structured import StructuredJoint, StructuredModel
 
 EFFECTS = built_in()
 DT, INERTIA, VISCOUS = 2e-3, 0.07, 0.8
@@ -51,6 +53,36 @@ def names(finding: Finding) -> list[str]:
 
 def free(finding: Finding, name: str) -> float:
     return finding.final.point.value(f"{name}@0")
+
+
+def joint(**recording: float) -> StructuredModel:
+    nominal = {"inertia": INERTIA, "viscous": VISCOUS, **recording}
+    return StructuredModel((StructuredJoint(1, "torque", nominal, {}),), DT, None, EFFECTS)
+
+
+def test_a_command_that_acts_before_it_is_logged() -> None:
+    time = DT * np.arange(500)
+    command = np.sin(20.0 * time)[:, None]
+    early = np.vstack([command[1:], command[-1:]])
+    start = State.at_rest(0.0)
+    expected = joint().simulate(time, early, start).position
+    assert joint(timing=-DT).simulate(time, command, start).position == pytest.approx(expected, abs=1e-12)
+
+
+def test_one_euler_step_per_sample() -> None:
+    time = DT * np.arange(200)
+    command = np.sin(20.0 * time)[:, None]
+    q, w, expected = 0.0, 0.0, []
+    for u in command[:, 0]:
+        expected.append(q)
+        w += DT * (u - VISCOUS * w) / INERTIA
+        q += DT * w
+    moved = joint(stepping=1.0).simulate(time, command, State.at_rest(0.0)).position[:, 0]
+    assert moved == pytest.approx(np.array(expected), abs=1e-12)
+
+
+def test_the_robot_alone_has_no_timing() -> None:
+    assert set(joint(timing=1e-3, stepping=1.0).unrecorded().parts[0].nominal) == {"inertia", "viscous"}
 
 
 @pytest.mark.parametrize("steps", [1, 4])

@@ -516,7 +516,7 @@ def test_files_hold_the_logs_and_not_the_truth(tmp_path):
 
 
 def test_the_second_world_stands_alone():
-    """No physics from elsewhere: of the project only the Log and its files. The scorer and its tables stand above the world."""
+    """No physics from elsewhere: of the project only the Log and its files. Scorer and tables stand above the world."""
     own = {f"benchmarks.blind.{name}" for name in ("excitation", "hidden", "machines", "trials", "visibility", "world")}
     allowed = {*own, "envs.log", "envs.log_files", "numpy", "scipy", "numba", "typer", "tomli_w"}
     files = {path for path in Path(world.__file__).parent.glob("*.py") if path.name not in ("score.py", "summary.py")}

@@ -29,8 +29,8 @@ FORKS = 2
 """Other ways that are tried."""
 SIMULTANEOUS = 0.2
 """Time [s] between two events that are taken for one."""
-TIMED = 0.7
-"""Share of the best evidence from which a hypothesis is compared with a timing of its own."""
+TIMED = 0.75
+"""Share of the best evidence from which the best form of a law is compared with a timing of its own."""
 STEADY = 0.5
 """Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
 CLEARED = 0.1
@@ -307,16 +307,15 @@ def select(
 
 
 def timed_anew(problem: Problem, base: Fitted, ranked: list[Scored], *, asked: bool | None) -> list[Scored]:
-    """The hypotheses, those that compete for the first place with a timing of their own."""
-    evidence = sorted((scored.evidence for scored in ranked), reverse=True)
-    if not evidence or evidence[0] <= 0.0:
-        return ranked
-    least = TIMED * evidence[0]
-    if not (asked or is_timed(base)) and sum(own > least for own in evidence) < 2:
+    """The hypotheses, those of different laws that compete for the first place with a timing of their own."""
+    leading = {(s.label, s.start.hypothesis.joint): s for s in sorted(ranked, key=lambda s: s.evidence)}
+    least = TIMED * max((s.evidence for s in ranked), default=0.0)
+    rivals = [s for s in leading.values() if s.evidence > max(least, 0.0)]
+    if not (asked or is_timed(base)) and len(rivals) < 2:
         return ranked
 
     def anew(scored: Scored) -> Scored:
-        if scored.evidence <= least:
+        if not any(scored is rival for rival in rivals):
             return scored
         fitted = timing_settled(problem, scored.fitted, asked=asked)
         return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)

@@ -277,7 +277,7 @@ def _timed(problem: Problem, fitted: Fitted, *, free: bool, euler: bool) -> Fitt
     same = np.array_equal(parameters, fitted.point.parameters) and {f.name for f in found} == names
     if same or (free and found == others and not euler):
         return fitted if same else _timed(problem, fitted, free=False, euler=euler)
-    return fit(problem, replace(fitted.point, parameters=parameters, free=found), rounds=2, iterations=8)
+    return fit(problem, replace(fitted.point, parameters=parameters, free=found), rounds=2, iterations=4)
 
 
 def _fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:

@@ -258,11 +258,14 @@ def _converged(
         return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
 
     order = first(sorted(likeliest.values(), key=lambda s: s.price - hoped(s)), finals + 1, lambda s: law(s.start))
+    leading = {law(s.start): s for s in reversed(order)}
+    order = [s for s in order if hoped(s) - s.price >= FORM * (hoped(leading[law(s.start)]) - s.price)]
     least = CHANCE * max((s.decrease for s in order), default=0.0)
     final = each(continued, [s for s in order if hoped(s) >= least])
     top = max((scored.decrease for scored in final), default=0.0)
-    near = [scored.decrease > NEAR * top for scored in final]
-    if sum(near) > 1:  # near equals are told apart only when all of them have converged
+    best_form = {law(s.start): s for s in sorted(final, key=lambda s: s.evidence)}.values()
+    near = [scored.decrease > NEAR * top and any(scored is s for s in best_form) for scored in final]
+    if sum(near) > 1:  # laws that are near equals are told apart only when all of them have converged
         final = each(
             lambda item: polish(problem, base, item[0], 6) if item[1] else item[0], zip(final, near, strict=True)
         )

@@ -479,7 +479,7 @@ def _finer(P, on, h):
             slope = max(slope, P[j, TAPER_P] / P[j, TAPER_P + 1])
         if BLEND >= 0 and on[j, BLEND]:
             slope = max(slope, (P[j, BLEND_P] + P[j, BLEND_P + 1]) / P[j, BLEND_P + 4])
-        while count < 16 and slope * h > 0.25 * count * P[j, INERTIA]:
+        while count < 4 and slope * h > 0.4 * count * P[j, INERTIA]:
             count *= 2
     return count
 

@@ -56,6 +56,7 @@ ROUNDED = replace(
     ),
     equation=r"\tau_f = [T_c + (T_s - T_c)\,e^{-|\dot q/v_s|^{\delta}}]\,\tanh(\dot q/v_0)",
     includes=("stribeck_friction", "coulomb_friction", "rounded_coulomb_friction"),
+    after="rounded_coulomb_friction",
     starts=lambda s: [
         (0.02 * s.torque_rms, 0.01 * s.torque_rms, share * s.velocity_rms, 1.5, 0.15 * share * s.velocity_rms)
         for share in (0.1, 0.25, 0.6)

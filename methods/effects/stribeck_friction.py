@@ -36,6 +36,7 @@ EFFECT = Effect(
     ],
     function=friction,
     includes=("coulomb_friction",),
+    excludes=("rounded_coulomb_friction", "tapered_coulomb_friction"),
     expected_failures=(("linear_in_amplitudes", "a joint sticks or slips near rest, however small the friction"),),
 )
 

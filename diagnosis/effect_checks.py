@@ -161,7 +161,6 @@ def declaration(subject: EffectSubject) -> None:
         (effect.variable not in VARIABLES, f"no signal {effect.variable!r}; choose from {', '.join(VARIABLES)}"),
         (not effect.source.strip(), "it names no source"),
         (not all(0 <= a < len(names) for a in effect.amplitudes), f"amplitudes {effect.amplitudes} are no parameters"),
-        (effect.substeps < 1, f"substeps is {effect.substeps}"),
     ]
     for parameter in effect.parameters:
         known = parameter.dimension in get_args(Dimension)

@@ -12,10 +12,11 @@ from threadpoolctl import threadpool_limits
 from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
-from diagnosis.nominal import JointStructure, asks_for_timing, fit_nominal, is_timed, limits_settled, timing_settled
+from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
 from diagnosis.search import FORM, Ranked, Scored, hypotheses_of, polish, ranking, score, try_all
+from diagnosis.timing import timing_settled
 from envs.log import Array
 from methods.effects.base import Effect
 from methods.parallel import each
@@ -203,7 +204,7 @@ class Path:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What stays the same all along a search; timed: whether the nominal model already asks for a timing."""
+    """What stays the same all along a search."""
 
     problem: Problem
     structures: tuple[JointStructure, ...]
@@ -211,7 +212,6 @@ class Search:
     settings: Settings
     nominal: Fitted
     tell: Callable[[str], None]
-    timed: bool
 
     def grown(self, path: Path) -> Path:
         """The path continued as far as effects are found."""
@@ -227,7 +227,7 @@ class Search:
             candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
             ranked = try_all(problem, path.base, candidates, needed=needed)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
-            ranked = timed_anew(problem, path.base, ranked, asked=self.timed or None)
+            ranked = timed_anew(problem, path.base, ranked)
             chosen = choose(problem, ranked, settings, explained, first=not path.accepted)
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
@@ -246,8 +246,7 @@ class Search:
         accepted.append(chosen)
         present = path.present | {(name, chosen.joint) for name in (chosen.name, *chosen.effect.includes)}
         present |= {(name, chosen.joint) for name in chosen.effect.excludes}
-        base = limits_settled(problem, chosen.scored.fitted, self.structures)
-        base = timing_settled(problem, base, asked=self.timed or None)
+        base = timing_settled(problem, limits_settled(problem, chosen.scored.fitted, self.structures))
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
@@ -278,7 +277,7 @@ def select(
     Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
     """
     nominal = fit_nominal(problem, structures)
-    search = Search(problem, structures, effects, settings, nominal, tell, asks_for_timing(problem, nominal))
+    search = Search(problem, structures, effects, settings, nominal, tell)
     path = search.grown(Path(nominal, (), frozenset(), (nominal,)))
     forks = path.forks[:FORKS] if exchange else ()
     for earlier, other in forks:
@@ -306,18 +305,16 @@ def select(
     return Finding(said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused)
 
 
-def timed_anew(problem: Problem, base: Fitted, ranked: list[Scored], *, asked: bool | None) -> list[Scored]:
+def timed_anew(problem: Problem, base: Fitted, ranked: list[Scored]) -> list[Scored]:
     """The hypotheses, those of different laws that compete for the first place with a timing of their own."""
     leading = {(s.label, s.start.hypothesis.joint): s for s in sorted(ranked, key=lambda s: s.evidence)}
     least = TIMED * max((s.evidence for s in ranked), default=0.0)
     rivals = [s for s in leading.values() if s.evidence > max(least, 0.0)]
-    if not (asked or is_timed(base)) and len(rivals) < 2:
-        return ranked
 
     def anew(scored: Scored) -> Scored:
         if not any(scored is rival for rival in rivals):
             return scored
-        fitted = timing_settled(problem, scored.fitted, asked=asked)
+        fitted = timing_settled(problem, scored.fitted)
         return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
 
     return sorted(each(anew, ranked), key=lambda scored: -scored.evidence)

@@ -11,13 +11,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len
 from scipy.signal import fftconvolve
 
-from diagnosis.estimation import Fitted, Point, errors, predicted_motion, weights
+from diagnosis.estimation import Fitted, Point, errors, predicted_motion
 from diagnosis.problem import Free, Problem, scales, smooth_derivatives
-from diagnosis.projection import project
-from diagnosis.whitening import Absorption, absorption
+from diagnosis.regression import View
 from envs.log import Array
 from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL
@@ -166,83 +164,10 @@ def proposals(
     return lists
 
 
-def effective_samples(residual: Array, joints: int) -> float:
-    """Number of independent samples that residuals (N n,) are worth: all of them when they are white.
-
-    The autocorrelations r count as long as they stay positive: N / (1 + 2 sum r).
-    """
-    total = 0.0
-    for own in residual.reshape(joints, -1):
-        power = np.abs(np.fft.rfft(own, next_fast_len(2 * len(own), real=True))) ** 2
-        correlation = np.fft.irfft(power)[: len(own) // 2]
-        correlation = correlation[1:] / max(correlation[0], 1e-300)
-        negative = np.flatnonzero(correlation < 0.0)
-        end = negative[0] if len(negative) else len(correlation)
-        total += len(own) / (1.0 + 2.0 * float(np.sum(correlation[:end])))
-    return total
-
-
 def _other_shape(effect: Effect, one: Array, other: Array) -> bool:
     """Whether two parameter vectors differ enough in what no linear regression can tell."""
     ratio = [max(abs(one[i]), abs(other[i])) > OTHER * min(abs(one[i]), abs(other[i])) for i in effect.shapes]
     return any(ratio)
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """A fit as a regression sees it: residuals (n, R) and sensitivities of its parameters (n, P, R) at some samples.
-
-    Where the filter is an autoregression that every hypothesis has anew, what it would take away is left out.
-    certainty, expected (P,): what is known beforehand of changes of the parameters, one over the variance and the mean.
-    """
-
-    fitted: Fitted
-    noise: Array
-    taken: Absorption | None
-    residual: Array
-    jacobian: Array
-    certainty: Array
-    expected: Array
-
-    @classmethod
-    def of(cls, problem: Problem, fitted: Fitted) -> View:
-        """The view of a fit, its errors being those of the fit."""
-        noise = weights(fitted.innovation, problem.joints)
-        point = fitted.point
-        certainty = np.array([f.deviation for f in point.free]) ** -2.0
-        expected = np.array([f.centre for f in point.free]) - point.vector
-        plain = cls(fitted, noise, None, fitted.innovation * noise, fitted.jacobian, certainty, expected)
-        if not fitted.filtered or fitted.whitener.solution is None:
-            return plain
-        taken = absorption(problem, fitted.error, fitted.whitener)
-        residual = taken.samples(plain.residual[None])[:, 0].ravel()
-        jacobian = _flat(taken.left(taken.samples(plain.jacobian)))
-        share = len(residual) / len(noise)
-        return replace(plain, taken=taken, residual=residual, jacobian=jacobian, certainty=share * certainty)
-
-    def sensitivities(self, difference: Array) -> Array:
-        """Differences of errors (A, T, n) as rows of the regression."""
-        rows = self.fitted.whitener(difference) * self.noise
-        return rows if self.taken is None else _flat(self.taken.left(self.taken.samples(rows)))
-
-    def explained(self, sensitivity: Array, target: Array) -> Array:
-        """Coefficients of the target (n R,) on the parameters' sensitivities and on further ones (A, n R)."""
-        basis = np.vstack([self.jacobian, sensitivity])
-        unknown = np.zeros(len(sensitivity))
-        certainty, expected = (np.concatenate([own, unknown]) for own in (self.certainty, self.expected))
-        return project(basis, target, certainty, expected)[0]
-
-    def promise(self, problem: Problem, left: Array) -> float:
-        """Decrease of -2 log likelihood that residuals (R n,) in units of the view's rms stand for."""
-        gained = (float(self.residual @ self.residual) - float(left @ left)) / left.size
-        count = self.fitted.samples if self.fitted.filtered else effective_samples(left, problem.joints)
-        share = gained * self.fitted.samples / self.fitted.total
-        return float(-count * np.log(max(1.0 - share, 1e-12)))
-
-
-def _flat(parts: Array) -> Array:
-    """Signals (n, P, R) as rows (P, n R)."""
-    return np.concatenate(list(parts), axis=1)
 
 
 def _regress(
@@ -281,9 +206,7 @@ def _regress(
         sensitivity, residual = view.sensitivities(stacked), view.residual
         adjusted = values.copy()
         if effect.amplitudes:
-            coefficients = view.explained(sensitivity, -residual)
-            shift, own = np.split(coefficients, [len(view.jacobian)])
-            left = residual + shift @ view.jacobian + own @ sensitivity
+            shift, own, left = view.least(sensitivity, residual)
             for (a, log), c in zip(owners, own, strict=True):
                 rows = slice(None) if log < 0 else log
                 factor = np.clip(c, -50.0, 50.0)
@@ -292,9 +215,7 @@ def _regress(
                 scaled = values[rows, a] * factor
                 adjusted[rows, a] = np.clip(scaled, effect.parameters[a].lower, 0.9 * effect.parameters[a].upper)
         else:
-            changed = residual + sensitivity[0]
-            shift = view.explained(sensitivity[:0], -changed)
-            left = changed + shift @ view.jacobian
+            shift, _, left = view.least(sensitivity[:0], residual + sensitivity[0])
         starts.append(Start(hypothesis, adjusted, view.promise(problem, left), searched, shift=shift))
     return starts
 

@@ -10,6 +10,7 @@ import numpy as np
 from diagnosis.estimation import Fitted, Point, fit, predicted_motion
 from diagnosis.pair_start import PairStart, pair_start
 from diagnosis.problem import Free, Problem, Stamps, evenly, smooth_derivatives, start_window
+from diagnosis.timing import timing_settled
 from envs.log import Array, InputKind
 from methods.kernel import NOMINAL
 
@@ -17,8 +18,6 @@ COLUMN = {name: index for index, name in enumerate(NOMINAL)}
 
 EVEN = 20.0
 """Least decrease of -2 log likelihood for which stamps are put aside."""
-TIMING = (-1.6, 0.5)
-"""Earliest and latest action of a command after it is logged, in samples."""
 TOLERANCE = 0.5
 """Share by which a stated time constant or inertia may be wrong (one standard deviation)."""
 
@@ -179,7 +178,8 @@ def settle_stamps(
 
 
 def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
-    """Fit of the nominal model. A drive's stated torque limit takes part only where the logs show that it acts."""
+    """Fit of the nominal model. A drive's stated torque limit takes part only where the logs show that it acts, a
+    timing (`diagnosis.timing`) only where they ask for it."""
     free_running = tuple(replace(s, torque_limit=0.0) for s in structures)
     best = _fit_nominal(problem, free_running)
     if any(s.torque_limit > 0.0 for s in structures):
@@ -210,74 +210,6 @@ def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStru
         if other.criterion < fitted.criterion:
             fitted = other
     return fitted
-
-
-def timing_settled(problem: Problem, fitted: Fitted, *, asked: bool | None = None) -> Fitted:
-    """The fit with the command's timing free, and integrated as simulators do, where the logs ask for it.
-
-    Simulators that step by semi-implicit Euler's rule read half a step late, others half a step early, and logs may
-    hold a reading beside the command that led to it: that is no matter of the robot. A delay in the model is. One Euler
-    step per sample also has another gain, by the square of step times frequency. A timing at the end of its range
-    stands in for something else.
-    """
-    cost = _timing_cost(problem, fitted)
-    exact = _timed(problem, fitted, free=False, euler=False)
-    if not (asks_for_timing(problem, fitted) if asked is None else asked):
-        return exact
-    options = [(exact, 0.0)]
-    for free, euler in ((True, False), (False, True), (True, True)):
-        other = _timed(problem, fitted, free=free, euler=euler)
-        if not _at_an_end(other):
-            options.append((other, cost * (free + euler)))
-    return min(options, key=lambda option: option[0].criterion + option[1])[0]
-
-
-def asks_for_timing(problem: Problem, fitted: Fitted) -> bool:
-    """Whether a timing, within its range or at the end of it, or a simulator's integration explains something."""
-    if is_timed(fitted):
-        return True
-    exact = _timed(problem, fitted, free=False, euler=False)
-    timed = _timed(problem, fitted, free=True, euler=False)
-    if not is_timed(timed):  # a delay is in its place
-        timed = _timed(problem, fitted, free=False, euler=True)
-    return exact.criterion - timed.criterion > _timing_cost(problem, fitted)
-
-
-def _timing_cost(problem: Problem, fitted: Fitted) -> float:
-    return float((np.log(fitted.samples) + EVEN) * problem.joints)
-
-
-def _at_an_end(fitted: Fitted) -> bool:
-    """Whether a free timing has come to the end of its range."""
-    own = [(f, v) for f, v in zip(fitted.point.free, fitted.point.vector, strict=True) if f.name.startswith("timing@")]
-    return any(min(v - f.lower, f.upper - v) < 0.02 * f.scale for f, v in own)
-
-
-def is_timed(fitted: Fitted) -> bool:
-    """Whether the command's timing is free in a model, or its integration a simulator's."""
-    return any(f.name.startswith("timing@") for f in fitted.point.free) or bool(
-        np.any(fitted.point.parameters[..., COLUMN["stepping"]])
-    )
-
-
-def _timed(problem: Problem, fitted: Fitted, *, free: bool, euler: bool) -> Fitted:
-    """The same model with another timing; joints with a delay keep theirs at zero. As it is where it is so already."""
-    parameters, names = fitted.point.parameters.copy(), {f.name for f in fitted.point.free}
-    others = tuple(f for f in fitted.point.free if not f.name.startswith("timing@"))
-    found = others
-    for j in range(problem.joints):
-        on = fitted.point.switches[j]
-        delayed = any(effect.replaces == "timing" and on[k] for k, effect in enumerate(problem.kernel.effects))
-        if not free or delayed:
-            parameters[:, j, COLUMN["timing"]] = 0.0
-        else:
-            least, most = (share * problem.sample_time for share in TIMING)
-            found += (Free(f"timing@{j}", "joint", j, COLUMN["timing"], problem.sample_time, least, most),)
-    parameters[:, :, COLUMN["stepping"]] = float(euler)
-    same = np.array_equal(parameters, fitted.point.parameters) and {f.name for f in found} == names
-    if same or (free and found == others and not euler):
-        return fitted if same else _timed(problem, fitted, free=False, euler=euler)
-    return fit(problem, replace(fitted.point, parameters=parameters, free=found), rounds=2, iterations=4)
 
 
 def _fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:

@@ -18,9 +18,10 @@ from diagnosis.engine import (
     textbook,
 )
 from diagnosis.estimation import errors, finish, fit, plain, sensitivities
-from diagnosis.hypotheses import Hypothesis, Start, effective_samples, extend, proposals, sizes_of, withdraw
+from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at
 from diagnosis.problem import Problem, stack
+from diagnosis.regression import effective_samples
 from diagnosis.search import Scored, exchanged, generalised, price, retimed
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array, JointFacts, Log

@@ -34,7 +34,6 @@ EFFECT = Effect(
     starts=starts,
     tries=3,
     excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side"),
-    substeps=4,
     expected_failures=(
         (
             "sensitivities_are_finite_differences",

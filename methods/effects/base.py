@@ -103,7 +103,6 @@ class Effect:
     variable: the signal against which the effect shows itself in a plot.
     includes: names of effects that this one contains as a special case. exchanges: nominal parameter that can stand in
         for the first parameter, or nothing. replaces: nominal parameter that has no meaning beside this effect.
-    substeps: integration steps per sample.
     resolved: whether parameters (size,) describe something that logs of these scales can show at all, where that has to
         be asked: a deflection far below the encoder's step is an integrator's, not a spring's.
     tries: starting values, each of another shape, from which it is fitted before it is compared with others.
@@ -127,7 +126,6 @@ class Effect:
     starts: Starts | None = None
     function: Callable | None = None
     scan: Literal["time", "position", "event"] | None = None
-    substeps: int = 1
     includes: tuple[str, ...] = ()
     neutral: tuple[float, ...] = ()
     exchanges: str = ""

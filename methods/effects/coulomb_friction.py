@@ -26,8 +26,16 @@ EFFECT = Effect(
     function=friction,
 )
 
+ROUNDING = EffectParameter("rounding", "velocity", "over which the torque turns: no stiction below it", lower=1e-9)
+QUICK = 0.03
+"""Share of the velocity gained in a sample below which a rounding cannot be told from a sign."""
 WIDTHS = (0.01, 0.03, 0.1, 0.3)
 """Velocities over which friction turns, as shares of the rms velocity, that are tried."""
+
+
+def turns_slowly(rounding, s):
+    """Whether friction of this rounding [rad/s, m/s] takes so long to turn that logs of scales `s` can show it."""
+    return rounding > QUICK * s.torque_rms / s.inertia * s.sample_time
 
 
 def rounded(t, q, dq, w, x, p):
@@ -46,17 +54,14 @@ ROUNDED = replace(
     name="rounded_coulomb_friction",
     kind="coulomb_friction",
     slot="torque",
-    parameters=(
-        *EFFECT.parameters,
-        EffectParameter("rounding", "velocity", "over which the torque turns: no stiction below it", lower=1e-9),
-    ),
+    parameters=(*EFFECT.parameters, ROUNDING),
     equation=r"\tau_f = T_c\,\tanh(\dot q/v_0)",
     source="S. Andersson, A. Soderberg, S. Bjorklund, Friction models for sliding dry contacts, Tribol. Int. 40 (2007)",
     includes=("coulomb_friction",),
     starts=lambda s: [(0.02 * s.torque_rms, share * s.velocity_rms) for share in WIDTHS],
     function=rounded,
+    resolved=lambda p, s: turns_slowly(p[1], s),
     tries=2,
-    substeps=2,
 )
 TAPERED = replace(
     ROUNDED,

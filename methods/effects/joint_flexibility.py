@@ -31,7 +31,6 @@ EFFECT = Effect(
     source="Spong 1987",
     starts=starts,
     tries=3,
-    substeps=2,
 )
 
 LOAD_SIDE = replace(

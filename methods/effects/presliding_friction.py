@@ -34,7 +34,6 @@ EFFECT = Effect(
     resolved=lambda p, s: p[1] > max(0.3 * s.encoder_step, 1e-3 * s.velocity_rms * s.sample_time),
     starts=starts,
     tries=2,
-    substeps=2,
 )
 
 POWER = replace(

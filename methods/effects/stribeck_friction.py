@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter
+from methods.effects.coulomb_friction import ROUNDING, turns_slowly
 
 
 def friction(t, q, dq, w, p):
@@ -51,10 +52,7 @@ ROUNDED = replace(
     name="rounded_stribeck_friction",
     kind="stribeck_friction",
     slot="torque",
-    parameters=(
-        *EFFECT.parameters,
-        EffectParameter("rounding", "velocity", "over which the torque turns: no stiction below it", lower=1e-9),
-    ),
+    parameters=(*EFFECT.parameters, ROUNDING),
     equation=r"\tau_f = [T_c + (T_s - T_c)\,e^{-|\dot q/v_s|^{\delta}}]\,\tanh(\dot q/v_0)",
     includes=("stribeck_friction", "coulomb_friction", "rounded_coulomb_friction"),
     after="rounded_coulomb_friction",
@@ -63,7 +61,7 @@ ROUNDED = replace(
         for share in (0.1, 0.25, 0.6)
     ],
     function=rounded,
-    substeps=2,
+    resolved=lambda p, s: turns_slowly(p[4], s),
     expected_failures=(),
 )
 EFFECTS = (EFFECT, ROUNDED)

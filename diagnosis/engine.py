@@ -498,8 +498,6 @@ def merged(
             continue
         both = chosen.scored.fitted
         allowed = item.scored.price + settings.threshold
-        if item.label == chosen.label:  # two forms of one law side by side would be a third
-            allowed = max(allowed, (1.0 - FORM) * chosen.scored.decrease)
         for fitted in alone(problem, item, chosen):
             if fitted.criterion - both.criterion < allowed:
                 decrease = chosen.scored.decrease + item.scored.decrease + both.criterion - fitted.criterion

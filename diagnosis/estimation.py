@@ -9,7 +9,7 @@ import numpy as np
 
 from diagnosis.problem import Free, Problem
 from diagnosis.projection import project
-from diagnosis.whitening import Absorption, Whitener, absorption, band_filter, whitener
+from diagnosis.whitening import Absorption, Whitener, absorption, unfiltered, whitener
 from envs.log import Array
 
 
@@ -76,8 +76,8 @@ def plain(problem: Problem, fitted: Fitted) -> Fitted:
 
     What the nominal parameters can explain of them to first order is taken away.
     """
-    band = np.tile(band_filter(problem), (problem.joints, 1))
-    view = finish(problem, fitted.point, fitted.error, Whitener(band, fitted.whitener.mask), fitted.iterations)
+    filter_ = unfiltered(problem, fitted.whitener.mask)
+    view = finish(problem, fitted.point, fitted.error, filter_, fitted.iterations)
     scale = weights(view.innovation, problem.joints)
     scaled = view.innovation * scale
     left = scaled - project(view.jacobian, scaled)[0] @ view.jacobian

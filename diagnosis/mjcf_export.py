@@ -6,7 +6,7 @@ joint moves a body of its own; a planar pair moves two links whose lengths and m
 
 ===================== =====================================================================
 nominal joint         explicit inertia, joint damping, ``dcmotor`` with L/R, gravity on an offset mass
-coulomb_friction      ``frictionloss``
+coulomb_friction      ``frictionloss``, soft where it is found as a soft constraint
 stribeck_friction     LuGre bristle of a passive ``dcmotor``, stiff enough to be dry friction
 presliding_friction   the same with its own stiffness
 quadratic_drag        polynomial joint damping
@@ -239,6 +239,13 @@ def _dry(item: _Joint, p: Values) -> bool:
     return True
 
 
+def _constrained(item: _Joint, p: Values) -> bool:
+    item.joint.frictionloss += item.torque(p["torque"])
+    item.joint.solimp_friction = (p["hold"], p["hold"], 1e-3, 0.5, 2.0)
+    item.joint.solref_friction = (2.0 * p["recovery_time"] / p["hold"], 1.0)
+    return p["hold"] > 0.0
+
+
 def _bristles(item: _Joint, name: str, lugre: list[float]) -> bool:
     passive = item.spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=item.name)
     passive.set_to_dcmotor(motorconst=[0.0, 0.0], resistance=1.0, lugre=lugre, ctrlspec=_PASSIVE)
@@ -360,6 +367,7 @@ def _play(item: _Joint, p: Values) -> bool:
 
 _ELEMENTS: dict[str, Callable[[_Joint, Values], bool]] = {
     "coulomb_friction": _dry,
+    "constrained_coulomb_friction": _constrained,
     "stribeck_friction": _stribeck,
     "presliding_friction": _presliding,
     "quadratic_drag": _drag,

@@ -21,6 +21,7 @@ from methods.kernel import NOMINAL, Kernel
 SEGMENT = 60_000  # samples of one segment of a long recording
 DIVERGED = 1e6  # prediction error [rad or m] that stands for a simulation that left all bounds
 LIMIT = 240_000  # samples that take part in a fit
+DITHER = 0.02  # rms of the noise that continuous readings are given, as a share of that of the motion between two
 
 
 @dataclass(frozen=True)
@@ -255,6 +256,16 @@ def estimated_step(reading: Array) -> float:
     return step if share > 0.9 else 0.0
 
 
+def dithered(reading: Array) -> Array:
+    """Continuous readings (T, n) with a little noise, which no sensor is free of.
+
+    Simulators write logs without any. Whatever a model misses is then infinitely more than noise, and what it predicts
+    to the last bit has no likelihood.
+    """
+    size = DITHER * np.std(np.diff(reading, axis=0), axis=0)
+    return reading + size * np.random.default_rng(0).standard_normal(reading.shape)
+
+
 def segments(log: Log, budget: int) -> list[Log]:
     """The log itself when it is short, else evenly spaced segments of at most `budget` samples together."""
     if len(log) <= max(budget, SEGMENT):
@@ -296,15 +307,16 @@ def stack(
                 near[:, i, 1] = smooth[1][:, other]
                 near[:, i, 2] = log.command[:, other]
             others.append(near)
+    reading = np.concatenate(readings)
     first = parts[0]
     facts = [first.facts[first.index(joint)] for joint in joints]
     dt = first.sample_time
-    position = np.concatenate([log.position[:, log.index(joints[0])] for log in parts])
+    step = facts[0].encoder_step or estimated_step(reading[:, 0])
     return Problem(
         kernel=kernel,
         time=np.concatenate(times),
         command=np.ascontiguousarray(np.concatenate(commands)),
-        reading=np.ascontiguousarray(np.concatenate(readings)),
+        reading=np.ascontiguousarray(reading if step else dithered(reading)),
         bounds=np.cumsum([0, *(len(part) for part in parts)]),
         hold=np.array([0 if fact.hold == "zero_order" else 1 for fact in facts], dtype=np.int64),
         neighbour=np.concatenate(others) if others else np.zeros((0, len(joints), 3)),
@@ -313,7 +325,7 @@ def stack(
         leak=min(30.0, 0.1 / dt),
         rate_leak=0.0,
         burn_in=0.25 if burn_in is None else burn_in,
-        encoder_step=facts[0].encoder_step or estimated_step(position),
+        encoder_step=step,
         revolute=facts[0].position_unit == "rad",
         names=tuple(part.name for part in parts),
         command_limits=tuple(fact.command_limit or 0.0 for fact in facts),

@@ -11,9 +11,10 @@ import numpy as np
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, sensitivities
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.problem import Problem
+from diagnosis.regression import View
 from diagnosis.whitening import whitener
 from envs.log import Array
-from methods.effects.base import Effect
+from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL
 from methods.parallel import each
 
@@ -107,8 +108,9 @@ def try_all(
     `needed`: linear prediction of the evidence below which a hypothesis is not refined.
     """
     base = _with_reference(problem, base)
-    views = [base, plain(problem, base)]
-    lists = proposals(problem, views, effects, sizes_of(problem, base))
+    views, sizes = [base, plain(problem, base)], sizes_of(problem, base)
+    general = [(effect, j) for effect, j in effects if contained(problem, base.point, effect, j) is not None]
+    lists = proposals(problem, views, [item for item in effects if item not in general], sizes)
     own, bare = (
         first(worth_fitting(problem, starts, base.samples, needed, least), refine, law)
         for starts, least in zip((simplest(lists[0]), hidden(*lists)), (LEAST, 0), strict=True)
@@ -119,7 +121,8 @@ def try_all(
     rough += further(problem, views[1], bare, known)
     either = {s.hypothesis.key: s for s in [*bare, *own]}.values()
     other = [(start, p, 3) for start in either for p in exchanged(problem, base.point, start)]
-    other += [(start, p, 6) for start in lists[0] for p in generalised(problem, base.point, start)]
+    forms = each(lambda item: generalised(problem, base, *item, sizes[item[1]]), general)
+    other += [(start, p, 6) for start, p in forms if start.promise > NEARLY * max(needed, np.log(base.samples))]
     rough += each(lambda item: (item[0], fit(problem, item[1], rounds=1, iterations=item[2])), other)
     promises = {(start.hypothesis.effect.name, start.hypothesis.joint): start.promise for start in reversed(lists[0])}
     return _converged(problem, base, [score(problem, base, start, fitted) for start, fitted in rough], promises, finals)
@@ -302,18 +305,44 @@ def exchanged(problem: Problem, point: Point, start: Start) -> list[Point]:
     return found
 
 
-def generalised(problem: Problem, point: Point, start: Start) -> list[Point]:
-    """The more general form of a law in place of the textbook's that is in the model, with the same values."""
-    effect, j = start.hypothesis.effect, start.hypothesis.joint
-    found = []
-    for inner in problem.kernel.effects if effect.neutral else ():
-        present = point.switches[j, problem.kernel.switches[inner.name]]
-        same = inner.label == effect.label and inner.size + len(effect.neutral) == effect.size
-        if present and same and inner.name in effect.includes:
-            shared = point.parameters[:, j, problem.kernel.own(inner)]
-            values = np.hstack([shared, np.tile(effect.neutral, (problem.logs, 1))])
-            found.append(extend(problem, withdraw(problem, point, inner.name, j), start.hypothesis, values))
-    return found
+def contained(problem: Problem, point: Point, effect: Effect, joint: int) -> Effect | None:
+    """The form of the same law in the model whose place an effect would take: two of them side by side are a third."""
+    on = problem.kernel.switches
+    forms = (e for e in problem.kernel.effects if e.name in effect.includes and e.label == effect.label)
+    return next((form for form in forms if point.switches[joint, on[form.name]]), None)
+
+
+def generalised(problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales) -> tuple[Start, Point]:
+    """The more general form of a law in place of the one that is in the model, which lends it what both describe.
+
+    Its further parameters are those that leave least of the errors, to first order in all parameters.
+    """
+    inner = contained(problem, base.point, effect, joint)
+    assert inner is not None
+    view, hypothesis = View.of(problem, base), Hypothesis(effect, joint)
+    shapes = [tuple(v) for v in effect.starts(size)] if effect.starts else []
+    known = {q.name: base.point.parameters[:, joint, problem.kernel.column(inner, q.name)] for q in inner.parameters}
+    lent = [i for i, parameter in enumerate(effect.parameters) if parameter.name in known]
+    without, values = withdraw(problem, base.point, inner.name, joint), []
+    if len(lent) + len(effect.neutral) == effect.size:
+        shapes.append((0.0,) * len(lent) + effect.neutral)
+    for shape in shapes:
+        values.append(np.tile(np.array(shape, float), (problem.logs, 1)))
+        for i in lent:
+            values[-1][:, i] = known[effect.parameters[i].name]
+    points = [extend(problem, without, hypothesis, own) for own in values]
+    outcomes = errors(problem, points)
+    rests = view.residual + view.sensitivities(outcomes - base.error)
+    nothing = rests[:0]
+    best = int(np.argmin([np.sum(view.least(nothing, rest)[2] ** 2) for rest in rests]))
+    point = points[best]
+    first = next(i for i, f in enumerate(point.free) if f.name.startswith(f"{effect.name}."))
+    own_rows = view.sensitivities(sensitivities(problem, point, outcomes[best], first=first))
+    kept, gained = (
+        view.promise(problem, view.least(rows, rest)[2])
+        for rows, rest in ((nothing, view.residual), (own_rows, rests[best]))
+    )
+    return Start(hypothesis, values[best], gained - kept, len(shapes)), point
 
 
 def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12) -> Scored:

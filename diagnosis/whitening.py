@@ -187,6 +187,12 @@ def band_filter(problem: Problem) -> Array:
     return np.ones(1) if every == 1 else firwin(6 * every + 1, 0.8 / every)
 
 
+def unfiltered(problem: Problem, mask: np.ndarray | None = None) -> Whitener:
+    """The errors as they are, in the band in which they are compared; mask (T,): which, not the usable ones."""
+    band = np.tile(band_filter(problem), (problem.joints, 1))
+    return Whitener(band, problem.used if mask is None else mask)
+
+
 def without_lines(problem: Problem, error: Array) -> Array:
     """Errors (T, n) less their mean and their spectral lines, which noise does not have.
 

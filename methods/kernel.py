@@ -84,6 +84,7 @@ STRUCTURAL = {
     "rounded_coulomb_friction": "ROUND",
     "tapered_coulomb_friction": "TAPER",
     "rounded_stribeck_friction": "BLEND",
+    "constrained_coulomb_friction": "YIELD",
 }
 """Effects that need states, time shifts or finer steps and are therefore known by name in the template below."""
 
@@ -306,6 +307,9 @@ def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
         r -= _torque(t, q, dq, w, x, p, on)
     if (p[GRAVITY_SINE] != 0.0 or p[GRAVITY_COSINE] != 0.0) and not coupled:
         r -= p[GRAVITY_SINE] * math.sin(q_arm) + p[GRAVITY_COSINE] * math.cos(q_arm)
+    if YIELD >= 0 and on[YIELD]:
+        wanted = p[YIELD_P + 2] * (r + p[INERTIA] * dq / p[YIELD_P + 1])
+        r -= min(max(wanted, -p[YIELD_P]), p[YIELD_P])
     level = _friction(t, q, dq, w, p, on) if has[3] else 0.0
     return w, change, heating, r, level
 
@@ -479,6 +483,8 @@ def _finer(P, on, h):
             slope = max(slope, P[j, TAPER_P] / P[j, TAPER_P + 1])
         if BLEND >= 0 and on[j, BLEND]:
             slope = max(slope, (P[j, BLEND_P] + P[j, BLEND_P + 1]) / P[j, BLEND_P + 4])
+        if YIELD >= 0 and on[j, YIELD]:
+            slope = max(slope, P[j, YIELD_P + 2] * P[j, INERTIA] / P[j, YIELD_P + 1])
         while count < 4 and slope * h > 0.4 * count * P[j, INERTIA]:
             count *= 2
     return count

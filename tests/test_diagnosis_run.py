@@ -351,6 +351,7 @@ def excitation(samples: int) -> tuple[Array, Array]:
 
 IN_MUJOCO = {
     "coulomb_friction": {"torque": 0.1},
+    "constrained_coulomb_friction": {"torque": 0.1, "recovery_time": 0.0095, "hold": 0.9},
     "stribeck_friction": {"torque": 0.1, "excess": 0.05, "velocity": 0.2, "exponent": 2.0},
     "presliding_friction": {"torque": 0.1, "deflection": 5e-4, "damping_time": 0.003},
     "quadratic_drag": {"coefficient": 0.05},

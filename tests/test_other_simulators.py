@@ -42,6 +42,34 @@ def record(
     return Log(time, command[:, None], reading[:, None], (1,), facts=(facts,), name=f"log {seed}")
 
 
+def mujoco_record(seed: int, joint: str, *, timestep: float, skip: int, noise: float, seconds: float = 16.0) -> Log:
+    """A torque-driven joint in MuJoCo with its default integrator, read every so many steps."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(f"""
+        <mujoco><option timestep="{timestep}" gravity="0 0 0"/><worldbody><body>
+        <joint name="j" axis="0 0 1" damping="{VISCOUS}" armature="{INERTIA}" {joint}/>
+        <geom type="sphere" size="0.01" mass="0.001"/></body></worldbody>
+        <actuator><motor joint="j"/></actuator></mujoco>
+    """)
+    data, rng, dt = mujoco.MjData(model), np.random.default_rng(seed), timestep * skip
+    time = dt * np.arange(round(seconds / dt))
+    hertz = np.linspace(0.3, 6.0, 14) * (1.0 + 0.1 * seed)
+    command = 0.35 * np.sum(np.sin(2 * np.pi * np.outer(time, hertz) + rng.uniform(0.0, 6.28, 14)), axis=1)
+    reading = np.empty(len(time))
+    for k, u in enumerate(command):
+        reading[k], data.ctrl[0] = data.qpos[0], u
+        mujoco.mj_step(model, data, nstep=skip)
+    reading += noise * rng.standard_normal(len(time))
+    facts = JointFacts(input="torque", position_unit="rad")
+    return Log(time, command[:, None], reading[:, None], (1,), facts=(facts,), name=f"log {seed}")
+
+
+def diagnosed_in_mujoco(joint: str, **how: float) -> Finding:
+    logs = [mujoco_record(seed, joint, **how) for seed in (0, 1)]  # type: ignore[arg-type]
+    return find(stack(build(EFFECTS), logs, (1,)), (JointStructure(input="torque", electrical=False),), EFFECTS)
+
+
 def diagnosed(friction: Friction, **how: int) -> Finding:
     logs = [record(seed, friction, **how) for seed in (0, 1)]
     return find(stack(build(EFFECTS), logs, (1,)), (JointStructure(input="torque", electrical=False),), EFFECTS)
@@ -133,3 +161,17 @@ def test_stribeck_friction_with_a_rounded_sign() -> None:
     form = finding.accepted[0].name
     assert free(finding, f"{form}.torque") == pytest.approx(0.12, rel=0.02)
     assert free(finding, f"{form}.excess") == pytest.approx(0.1, rel=0.05)
+
+
+@pytest.mark.parametrize(("timestep", "skip", "noise"), [(2e-3, 1, 1e-5), (1e-3, 4, 0.0)])
+def test_friction_of_mujoco_is_a_soft_constraint(timestep: float, skip: int, noise: float) -> None:
+    finding = diagnosed_in_mujoco('frictionloss="0.12"', timestep=timestep, skip=skip, noise=noise)
+    assert (finding.verdict, names(finding)) == ("named", ["coulomb_friction"])
+    assert free(finding, "constrained_coulomb_friction.torque") == pytest.approx(0.12, rel=0.01)
+    assert free(finding, "constrained_coulomb_friction.hold") == pytest.approx(0.9, abs=0.03)  # solimp's first number
+
+
+def test_a_log_without_any_noise() -> None:
+    finding = diagnosed_in_mujoco('stiffness="0.3"', timestep=1e-3, skip=2, noise=0.0)
+    assert (finding.verdict, names(finding)) == ("named", ["cable_spring"])
+    assert free(finding, "cable_spring.stiffness") == pytest.approx(0.3, rel=1e-3)

@@ -171,6 +171,12 @@ def instances(effect: Effect, count: int) -> tuple[Effect, ...]:
     return (effect, *further)
 
 
+def is_periodic(cycles: float, scales: Scales) -> bool:
+    """Whether the logs span half a period of something with so many cycles per revolution: a shorter piece of it is a
+    spring's."""
+    return cycles * scales.position_span > math.pi
+
+
 def geometric(first: float, last: float, ratio: float) -> list[float]:
     """Values from first to last, neighbours at most a factor `ratio` apart; the first alone where last is below it."""
     if not last > first:

@@ -5,7 +5,7 @@ Source: D. Hanselman, Brushless Permanent Magnet Motor Design, section 4.
 
 import math
 
-from methods.effects.base import Effect, EffectParameter, instances
+from methods.effects.base import Effect, EffectParameter, instances, is_periodic
 
 
 def torque(t, q, dq, w, x, p):
@@ -28,6 +28,7 @@ EFFECT = Effect(
     amplitudes=(0, 1),
     function=torque,
     scan="position",
+    resolved=lambda p, s: is_periodic(p[2], s),
 )
 
 HARMONICS = 6

@@ -1,5 +1,8 @@
 """Coulomb friction: a constant level of dry friction, with true stiction at rest.
 
+Simulators have it as a constraint, too, that takes a velocity away as fast as a torque of that level can, and holds a
+share of the other torques against the joint (``frictionloss`` in MuJoCo).
+
 Source: C. A. de Coulomb 1785; H. Olsson et al., Friction models and friction compensation, Eur. J. Control 4 (1998).
 """
 
@@ -29,6 +32,8 @@ EFFECT = Effect(
 ROUNDING = EffectParameter("rounding", "velocity", "over which the torque turns: no stiction below it", lower=1e-9)
 QUICK = 0.03
 """Share of the velocity gained in a sample below which a rounding cannot be told from a sign."""
+SETTLED = 0.5
+"""Share of a sample in which a constraint that settles cannot be told from stiction."""
 WIDTHS = (0.01, 0.03, 0.1, 0.3)
 """Velocities over which friction turns, as shares of the rms velocity, that are tried."""
 
@@ -79,4 +84,24 @@ TAPERED = replace(
     function=tapered,
     tries=1,
 )
-EFFECTS = (EFFECT, ROUNDED, TAPERED)
+CONSTRAINED = replace(
+    EFFECT,
+    name="constrained_coulomb_friction",
+    kind="coulomb_friction",
+    slot="structure",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("recovery_time", "time", "in which the constraint takes a velocity away", lower=1e-6),
+        EffectParameter("hold", "ratio", "share of the other torques that is held: 1 is true stiction", 0.0, 1.0),
+    ),
+    equation=r"\tau_f = \mathrm{sat}_{T_c}\!\left(\kappa\,(\tau + J\dot q/t_r)\right)",
+    source="E. Todorov, Convex and analytically-invertible dynamics with contacts and constraints, ICRA 2014",
+    includes=("coulomb_friction", "rounded_coulomb_friction", "tapered_coulomb_friction"),
+    resolved=lambda p, s: p[1] > SETTLED * s.sample_time,
+    starts=lambda s: [
+        (0.02 * s.torque_rms, share * s.velocity_rms * s.inertia / s.torque_rms, 0.8) for share in WIDTHS
+    ],
+    function=None,
+    tries=2,
+)
+EFFECTS = (EFFECT, ROUNDED, TAPERED, CONSTRAINED)

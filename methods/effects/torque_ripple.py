@@ -6,7 +6,7 @@ Source: D. Hanselman, Brushless Permanent Magnet Motor Design, section on ripple
 import math
 from dataclasses import replace
 
-from methods.effects.base import Effect, EffectParameter, instances
+from methods.effects.base import Effect, EffectParameter, instances, is_periodic
 
 
 def gain(t, q, dq, w, p):
@@ -31,6 +31,7 @@ EFFECT = Effect(
     amplitudes=(0, 1),
     function=gain,
     scan="position",
+    resolved=lambda p, s: is_periodic(p[2], s),
 )
 
 HARMONICS = 3

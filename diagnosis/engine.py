@@ -15,7 +15,7 @@ from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
-from diagnosis.search import FORM, Ranked, Scored, hypotheses_of, polish, ranking, score, try_all
+from diagnosis.search import FORM, Ranked, Scored, hypotheses_of, is_resolved, polish, ranking, score, try_all
 from diagnosis.timing import timing_settled
 from envs.log import Array
 from methods.effects.base import Effect
@@ -400,15 +400,6 @@ def textbook(ranked: Sequence[Scored]) -> list[Scored]:
         simple = [s for s in own if s.name in best.effect.includes and s.evidence > least]
         chosen.append(simple[0] if simple else best)
     return sorted(chosen, key=lambda s: -s.evidence)
-
-
-def is_resolved(problem: Problem, scored: Scored) -> bool:
-    """Whether the logs can show what the effect's parameters describe."""
-    effect, joint = scored.effect, scored.start.hypothesis.joint
-    if effect.resolved is None:
-        return True
-    values = scored.fitted.point.parameters[0, joint, problem.kernel.own(effect)]
-    return effect.resolved(values.tolist(), sizes_of(problem, scored.fitted)[joint])
 
 
 def is_steady(problem: Problem, scored: Scored) -> bool:

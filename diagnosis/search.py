@@ -261,7 +261,8 @@ def _converged(
         return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
 
     order = first(sorted(likeliest.values(), key=lambda s: s.price - hoped(s)), finals + 1, lambda s: law(s.start))
-    leading = {law(s.start): s for s in reversed(order)}
+    leading = {law(s.start): s for s in reversed(order)}  # of the forms that the logs can show, if there are any
+    leading |= {law(s.start): s for s in reversed(order) if is_resolved(problem, s)}
     order = [s for s in order if hoped(s) - s.price >= FORM * (hoped(leading[law(s.start)]) - s.price)]
     least = CHANCE * max((s.decrease for s in order), default=0.0)
     final = each(continued, [s for s in order if hoped(s) >= least])
@@ -338,11 +339,28 @@ def generalised(problem: Problem, base: Fitted, effect: Effect, joint: int, size
     point = points[best]
     first = next(i for i, f in enumerate(point.free) if f.name.startswith(f"{effect.name}."))
     own_rows = view.sensitivities(sensitivities(problem, point, outcomes[best], first=first))
-    kept, gained = (
-        view.promise(problem, view.least(rows, rest)[2])
-        for rows, rest in ((nothing, view.residual), (own_rows, rests[best]))
-    )
-    return Start(hypothesis, values[best], gained - kept, len(shapes)), point
+    kept = view.promise(problem, view.least(nothing, view.residual)[2])
+    _, change, left = view.least(own_rows, rests[best])
+    after = point.vector.copy()
+    after[first:] += change
+    reached = point.at(np.clip(after, [f.lower for f in point.free], [f.upper for f in point.free]))
+    visible = resolved(effect, reached.parameters[0, joint, problem.kernel.own(effect)], size)
+    promise = view.promise(problem, left) - kept if visible else -np.inf
+    return Start(hypothesis, values[best], promise, len(shapes)), point
+
+
+def resolved(effect: Effect, values: Array, size: Scales) -> bool:
+    """Whether logs of these scales can show what an effect's parameters (size,) describe."""
+    return effect.resolved is None or effect.resolved(values.tolist(), size)
+
+
+def is_resolved(problem: Problem, scored: Scored) -> bool:
+    """Whether the logs can show what the effect's parameters describe."""
+    if scored.effect.resolved is None:
+        return True
+    joint = scored.start.hypothesis.joint
+    values = scored.fitted.point.parameters[0, joint, problem.kernel.own(scored.effect)]
+    return resolved(scored.effect, values, sizes_of(problem, scored.fitted)[joint])
 
 
 def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12) -> Scored:

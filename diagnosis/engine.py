@@ -9,13 +9,25 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
+from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
-from diagnosis.nominal import JointStructure, fit_nominal, limits_settled
+from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
-from diagnosis.search import FORM, Ranked, Scored, hypotheses_of, is_resolved, polish, ranking, score, try_all
+from diagnosis.search import (
+    FORM,
+    Ranked,
+    Scored,
+    hypotheses_of,
+    is_resolved,
+    polish,
+    ranking,
+    score,
+    try_all,
+    with_limits,
+    within,
+)
 from diagnosis.timing import timing_settled
 from envs.log import Array
 from methods.effects.base import Effect
@@ -227,7 +239,7 @@ class Search:
             candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
             ranked = try_all(problem, path.base, candidates, needed=needed)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
-            ranked = timed_anew(problem, path.base, ranked)
+            ranked = with_limits(problem, path.base, timed_anew(problem, path.base, ranked))
             chosen = choose(problem, ranked, settings, explained, first=not path.accepted)
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
@@ -246,7 +258,8 @@ class Search:
         accepted.append(chosen)
         present = path.present | {(name, chosen.joint) for name in (chosen.name, *chosen.effect.includes)}
         present |= {(name, chosen.joint) for name in chosen.effect.excludes}
-        base = timing_settled(problem, limits_settled(problem, chosen.scored.fitted, self.structures))
+        base = limits_settled(problem, chosen.scored.fitted, self.structures)
+        base = timing_settled(problem, windings_settled(problem, base))
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
@@ -455,7 +468,7 @@ def simplified(
         return chosen
     visible = is_resolved(problem, chosen.scored)
     for start in proposals(problem, [base], inner, sizes_of(problem, base))[0]:
-        point = _within(problem, chosen, start)
+        point = within(problem, chosen.scored, start)
         fitted = fit(problem, point, chosen.scored.fitted.whitener, rounds=2, iterations=6)
         simple = score(problem, base, start, fitted)
         saved = chosen.scored.price - simple.price
@@ -468,16 +481,6 @@ def simplified(
             )
             return replace(chosen, scored=simple, material=share, rivals=rivals)
     return chosen
-
-
-def _within(problem: Problem, chosen: Accepted, start: Start) -> Point:
-    """The chosen model with a simpler effect in place of the chosen one, which lends it parameters of the same name."""
-    point, whole = chosen.scored.fitted.point, chosen.effect
-    values = start.values.copy()
-    for i, parameter in enumerate(start.hypothesis.effect.parameters):
-        if parameter.name in {p.name for p in whole.parameters}:
-            values[:, i] = point.parameters[:, chosen.joint, problem.kernel.column(whole, parameter.name)]
-    return extend(problem, withdraw(problem, point, whole.name, chosen.joint), start.hypothesis, values)
 
 
 def merged(

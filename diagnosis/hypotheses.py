@@ -137,9 +137,8 @@ def proposals(
                 jobs += scan(problem, view, effect, joint, sizes[joint])
         elif effect.starts is not None:
             every = list(effect.starts(sizes[joint]))
-            jobs += [
-                (Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), len(every)) for v in every
-            ]
+            shapes = len({tuple(v[i] for i in effect.shapes) for v in every})
+            jobs += [(Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), shapes) for v in every]
     seen = [View.of(problem, view) for view in views]
     found: list[dict[str, list[Start]]] = [{} for _ in views]
     proposed = each(lambda job: _regress(problem, seen, *job), jobs)

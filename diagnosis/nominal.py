@@ -212,6 +212,25 @@ def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStru
     return fitted
 
 
+def windings_settled(problem: Problem, fitted: Fitted) -> Fitted:
+    """The fit with every winding's lag that has become a delay, shorter than a quarter of a step, tried as a lag again.
+
+    It may have stood in for something that was not yet in the model, and cannot come back by itself.
+    """
+    column = COLUMN["electrical_time_constant"]
+    step = problem.sample_time / problem.substeps
+    for j in range(problem.joints):
+        free = any(f.kind == "joint" and f.joint == j and f.column == column for f in fitted.point.free)
+        if not free or fitted.point.parameters[0, j, column] > 0.25 * step:
+            continue
+        parameters = fitted.point.parameters.copy()
+        parameters[:, j, column] = step
+        other = fit(problem, replace(fitted.point, parameters=parameters), rounds=2, iterations=4)
+        if other.criterion < fitted.criterion:
+            fitted = other
+    return fitted
+
+
 def _fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
     """Fit of the nominal model; the winding's lag takes part in every voltage drive that has one."""
     electrical = tuple(s.input == "voltage" and s.electrical for s in structures)

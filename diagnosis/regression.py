@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import next_fast_len
 
-from diagnosis.estimation import Fitted, weights
+from diagnosis.estimation import Fitted, Point, weights
 from diagnosis.problem import Problem
 from diagnosis.projection import project
 from diagnosis.whitening import Absorption, absorption
@@ -19,6 +19,7 @@ class View:
     """A fit as a regression sees it: residuals (n, R) and sensitivities of its parameters (n, P, R) at some samples.
 
     Where the filter is an autoregression that every hypothesis has anew, what it would take away is left out.
+    Parameters that press against a bound stay there.
     certainty, expected (P,): what is known beforehand of changes of the parameters, one over the variance and the mean.
     """
 
@@ -37,7 +38,10 @@ class View:
         point = fitted.point
         certainty = np.array([f.deviation for f in point.free]) ** -2.0
         expected = np.array([f.centre for f in point.free]) - point.vector
-        plain = cls(fitted, noise, None, fitted.innovation * noise, fitted.jacobian, certainty, expected)
+        jacobian = np.where(
+            _pressing(point, fitted.jacobian @ (fitted.innovation * noise))[:, None], 0, fitted.jacobian
+        )
+        plain = cls(fitted, noise, None, fitted.innovation * noise, jacobian, certainty, expected)
         if not fitted.filtered or fitted.whitener.solution is None:
             return plain
         taken = absorption(problem, fitted.error, fitted.whitener)
@@ -66,6 +70,13 @@ class View:
         count = self.fitted.samples if self.fitted.filtered else effective_samples(left, problem.joints)
         share = gained * self.fitted.samples / self.fitted.total
         return float(-count * np.log(max(1.0 - share, 1e-12)))
+
+
+def _pressing(point: Point, gradient: Array) -> np.ndarray:
+    """Which parameters (P,) are at a bound that the gradient (P,) of the squared residuals presses them against."""
+    lower, upper, scale = (np.array([getattr(f, name) for f in point.free]) for name in ("lower", "upper", "scale"))
+    below, above = (np.abs(point.vector - bound) <= 1e-6 * scale for bound in (lower, upper))
+    return (below & (gradient > 0.0)) | (above & (gradient < 0.0))
 
 
 def _flat(parts: Array) -> Array:

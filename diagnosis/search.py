@@ -12,7 +12,7 @@ from diagnosis.estimation import Fitted, Point, errors, fit, plain, sensitivitie
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.problem import Problem
 from diagnosis.regression import View
-from diagnosis.whitening import whitener
+from diagnosis.whitening import unfiltered, whitener
 from envs.log import Array
 from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL
@@ -37,6 +37,10 @@ CHANCE = 0.2
 """Share of the best first fit's decrease below which a hypothesis is not carried on."""
 FORM = 0.9
 """Share of what the general form of a law is worth from which its textbook form is taken first."""
+RETRIED = 3
+"""Laws that are fitted once more, to the errors as they are."""
+COLOURED = 5.0
+"""Rms of the errors over that of their innovations from which that is done."""
 NEAR = 0.9
 """Share of the best decrease above which a hypothesis counts as its near equal."""
 
@@ -273,10 +277,61 @@ def _converged(
         final = each(
             lambda item: polish(problem, base, item[0], 6) if item[1] else item[0], zip(final, near, strict=True)
         )
+    final += each(lambda s: unstuck(problem, base, s), stuck(problem, final))
     best: dict[tuple[str, int], Scored] = {}
     for scored in sorted([*final, *rough], key=lambda s: -s.evidence):
         best.setdefault((scored.name, scored.start.hypothesis.joint), scored)
     return list(best.values())
+
+
+def stuck(problem: Problem, final: Sequence[Scored]) -> list[Scored]:
+    """The best hypotheses, if even with the first of them the errors are far more than innovations.
+
+    The filter may then have kept all of them where they began, taking for noise what they have yet to explain.
+    """
+    best = first(sorted(final, key=lambda s: -s.evidence), RETRIED, lambda s: law(s.start))
+    if not best:
+        return []
+    error, innovation = best[0].fitted.error[problem.used], np.sqrt(best[0].fitted.variances)
+    return best if np.any(np.sqrt(np.mean(error**2, axis=0)) > COLOURED * innovation) else []
+
+
+def unstuck(problem: Problem, base: Fitted, scored: Scored) -> Scored:
+    """The hypothesis fitted to the errors as they are, and then to their innovations."""
+    bare = fit(problem, scored.fitted.point, unfiltered(problem), rounds=1, iterations=10, renewed=False)
+    fitted = fit(problem, bare.point, rounds=2, iterations=6)
+    return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
+
+
+def with_limits(problem: Problem, base: Fitted, ranked: Sequence[Scored]) -> list[Scored]:
+    """The hypotheses, best first, with what those stand for that the logs cannot show: the effect that one contains,
+    begun with what both describe, where it has not done as well by itself."""
+    every = {effect.name: effect for effect in problem.kernel.effects}
+    best = {(s.name, s.start.hypothesis.joint): s for s in ranked}
+    for scored in ranked:
+        inner = next((every[name] for name in scored.effect.includes if every[name].resolved is None), None)
+        if inner is None or is_resolved(problem, scored):
+            continue
+        joint = scored.start.hypothesis.joint
+        alone = best.get((inner.name, joint))
+        if alone is not None and alone.decrease >= NEAR * scored.decrease:
+            continue
+        start = Start(Hypothesis(inner, joint), np.zeros((problem.logs, inner.size)), 0.0)
+        fitted = fit(problem, within(problem, scored, start), rounds=2, iterations=6)
+        limit = score(problem, base, start, fitted)
+        if alone is None or limit.decrease > alone.decrease:
+            best[inner.name, joint] = limit
+    return sorted(best.values(), key=lambda s: -s.evidence)
+
+
+def within(problem: Problem, whole: Scored, start: Start) -> Point:
+    """A model with a simpler effect in place of one that contains it, which lends it parameters of the same name."""
+    point, joint, lender = whole.fitted.point, whole.start.hypothesis.joint, whole.effect
+    values = start.values.copy()
+    for i, parameter in enumerate(start.hypothesis.effect.parameters):
+        if parameter.name in {p.name for p in lender.parameters}:
+            values[:, i] = point.parameters[:, joint, problem.kernel.column(lender, parameter.name)]
+    return extend(problem, withdraw(problem, point, lender.name, joint), start.hypothesis, values)
 
 
 def exchanged(problem: Problem, point: Point, start: Start) -> list[Point]:

@@ -19,7 +19,7 @@ where M22 exceeds p2 by a rotor that turns with joint 2 alone.
 
 `torque_limit` (0: none) is the drive's known current limit; it clamps w where it acts on the arm.
 
-A winding lag that is too short for the steps (half of one) acts as a delay of the command, which is the same to
+A winding lag that is too short for the steps (a fifth of one) acts as a delay of the command, which is the same to
 second order.
 
 Integration: fourth-order Runge-Kutta with the command averaged exactly over each step (hold and delay included); dry
@@ -473,9 +473,12 @@ def _resolved(P, h):
 
 @njit(cache=True, error_model='numpy')
 def _finer(P, on, h):
-    """Factor on the number of steps of length h: friction that is rounded has to turn within several of them."""
+    """Factor on the number of steps of length h: friction that is rounded has to turn within several of them, a winding
+    lag that is no delay has to last for one."""
     count = 1
     for j in range(P.shape[0]):
+        while count < 4 and P[j, ELECTRICAL] > 0.2 * h and count * P[j, ELECTRICAL] < h:
+            count *= 2
         slope = 0.0
         if ROUND >= 0 and on[j, ROUND]:
             slope = P[j, ROUND_P] / P[j, ROUND_P + 1]

@@ -25,7 +25,7 @@ EFFECT = Effect(
     equation=r"\tau_f = T_c\,\mathrm{sign}(\dot q)",
     variable="velocity",
     source="Olsson et al. 1998",
-    starts=lambda s: [(0.02 * s.torque_rms,)],
+    starts=lambda s: [(share * s.torque_rms,) for share in (0.02, 0.3, 1.0)],  # large: the joint rests for long
     function=friction,
 )
 

@@ -15,6 +15,7 @@ from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
 from diagnosis.problem import Problem, in_band
 from diagnosis.remainder import Remainder, remainder
+from diagnosis.replay import on_logs, transfer, with_phases
 from diagnosis.search import (
     FORM,
     Ranked,
@@ -56,7 +57,8 @@ WORST: tuple[Verdict, ...] = ("unknown", "ambiguous", "named", "none")
 class Settings:
     """Decision rules. Evidence is -2 log likelihood gained less the price of parameters and searched shapes.
 
-    threshold: least evidence of an effect. material: least effect of its torque, as a share of the command's rms.
+    threshold: least evidence of an effect. weak: evidence below which an effect also has to do something for data that
+    nobody fitted. material: least effect of its torque, as a share of the command's rms.
     rival: evidence within which two explanations cannot be told apart. limit: largest number of effects per joint; more
     would be patchwork around something unknown. banded: the same in the band of the motion, where the whole band has
     left something unexplained.
@@ -72,6 +74,7 @@ class Settings:
     """
 
     threshold: float = 12.0
+    weak: float = 60.0
     material: float = 2.5e-4
     rival: float = 6.0
     limit: int = 3
@@ -155,8 +158,9 @@ def find(
     effects: Sequence[Effect],
     settings: Settings | None = None,
     tell: Callable[[str], None] = lambda text: None,
+    held_out: Problem | None = None,
 ) -> Finding:
-    """Name what the nominal model misses.
+    """Name what the nominal model misses. held_out: data that are not fitted, on which weak effects have to show.
 
     The whole band of the encoder decides first: there an exact model leaves nothing but noise. Where something is left
     (`unknown`), the effects are sought again in the band in which the joint moved, and those that shape the motion
@@ -164,7 +168,7 @@ def find(
     """
     settings = settings or Settings()
     with threadpool_limits(1, "blas"):  # the kernels run in parallel; matrix products of this size do not gain from it
-        return _find(problem, structures, effects, settings, tell)
+        return _find(problem, structures, effects, settings, tell, held_out)
 
 
 def _find(
@@ -173,8 +177,9 @@ def _find(
     effects: Sequence[Effect],
     settings: Settings,
     tell: Callable[[str], None],
+    held_out: Problem | None,
 ) -> Finding:
-    whole = select(problem, structures, effects, settings, tell)
+    whole = select(problem, structures, effects, settings, tell, held_out=held_out)
     if whole.verdict in ("none", "named"):
         still = sum(r.excess for r in whole.remainders) == 0.0
         return with_jitter(problem, whole, effects, settings) if still else whole
@@ -284,6 +289,7 @@ def select(
     settings: Settings,
     tell: Callable[[str], None],
     exchange: bool = True,
+    held_out: Problem | None = None,
 ) -> Finding:
     """Forward selection, other ways (if `exchange`) where the first one led nowhere, and pruning in the problem's band.
 
@@ -301,8 +307,11 @@ def select(
         if search.cost(second) < search.cost(path) - settings.threshold:
             path = second
     accepted, base, left = trim(problem, nominal, list(path.accepted), path.base, path.left, settings)
-    if (sharp := significant(problem, accepted, base, settings)) is not None:
-        accepted, base = sharp
+    before = base
+    accepted, base = significant(problem, accepted, base, settings)
+    if held_out is not None:
+        accepted, base = general(problem, held_out, accepted, base, settings)
+    if base is not before:
         left = remainders(problem, base)
     accepted = [
         confirmed(problem, base, item, accepted[i + 1 :], settings) if accepted[i + 1 :] else item
@@ -570,13 +579,12 @@ def merged_afterwards(
 
 def significant(
     problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
-) -> tuple[list[Accepted], Fitted] | None:
-    """Without the effects whose amplitudes do not stand out of their own robust deviations; None if all of them do.
+) -> tuple[list[Accepted], Fitted]:
+    """Without the effects whose amplitudes do not stand out of their own robust deviations.
 
     An amplitude may be uncertain only because another parameter can take a part of it (a delay beside a winding's lag
     too short for the steps). So what counts is what the removal costs, over how much wider the robust deviation is.
     """
-    dropped = False
     while accepted:
         spread, weak = covariance(base), None
         for item in sorted(accepted, key=lambda item: wald(base, item, spread)):
@@ -590,8 +598,31 @@ def significant(
                 break
         if weak is None:
             break
-        accepted, base, dropped = [other for other in accepted if other is not weak[0]], weak[1], True
-    return (accepted, base) if dropped else None
+        accepted, base = [other for other in accepted if other is not weak[0]], weak[1]
+    return accepted, base
+
+
+def general(
+    problem: Problem, held_out: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """Without weak effects that make data that nobody fitted less likely; an event need not happen there."""
+    for item in sorted(accepted, key=lambda item: item.scored.evidence):
+        if item.scored.evidence > settings.weak or item.effect.scan == "event":
+            continue
+        smaller = without(problem, base, item)
+        if deviance(held_out, smaller) < deviance(held_out, base):
+            accepted, base = [other for other in accepted if other is not item], smaller
+    return accepted, base
+
+
+def deviance(held_out: Problem, fitted: Fitted) -> float:
+    """-2 log likelihood, up to a constant, of data that were not fitted: their innovations by the fit's own filter."""
+    point, joints = transfer(held_out, fitted.point), held_out.joints
+    point = with_phases(held_out, point, fitted.whitener)
+    innovation = on_logs(held_out, fitted.whitener)(errors(held_out, [point])[0]).reshape(joints, -1)
+    if not innovation.size:
+        return 0.0
+    return float(innovation.shape[1] * np.sum(np.log(np.mean(innovation**2, axis=1) + fitted.floor)))
 
 
 def with_jitter(problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings) -> Finding:

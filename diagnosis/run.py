@@ -274,7 +274,7 @@ def solve(
         )
         for j, number in enumerate(group)
     )
-    finding = find(problem, structures, effects, settings, lambda text: tell(f"{name}: {text}"))
+    finding = find(problem, structures, effects, settings, lambda text: tell(f"{name}: {text}"), held_out)
     found = clock.perf_counter()
     if finding.band is not None:
         problem = in_band(problem)

@@ -11,6 +11,7 @@ from diagnosis.engine import (
     choose,
     coincides,
     confirmed,
+    find,
     is_steady,
     merged,
     merged_afterwards,
@@ -35,6 +36,7 @@ EFFECTS = built_in()
 KERNEL = build(EFFECTS)
 NAMED = {effect.name: effect for effect in EFFECTS}
 DT, STEP = 2e-3, 1e-5
+WEAK = 4e-4
 JOINT = {"inertia": 0.07, "viscous": 0.02, "back_emf": 0.7, "electrical_time_constant": 0.004}
 
 
@@ -444,3 +446,15 @@ def test_other_ways_begin_with_what_explained_nearly_as_much() -> None:
         scored("thermal_drift", 40.0),
     ]
     assert [other.name for other in nearly_as_good(chosen, ranked)] == ["dead_zone"]
+
+
+def test_a_weak_effect_has_to_show_where_nobody_fitted() -> None:
+    def noise(seed: int) -> Array:
+        return 1e-2 * np.random.default_rng(seed).standard_normal(5000)
+
+    drag = lambda size: {"quadratic_drag": {"coefficient": size}}  # noqa: E731
+    problem = stack(KERNEL, [record(drag(WEAK), noise(seed)) for seed in (1, 2)], (1,))
+    for elsewhere, verdict in ((WEAK, "named"), (-WEAK, "none")):
+        held_out = stack(KERNEL, [record(drag(elsewhere), noise(3))], (1,))
+        finding = find(problem, (JointStructure(),), (NAMED["quadratic_drag"],), held_out=held_out)
+        assert finding.verdict == verdict

@@ -248,10 +248,15 @@ class Adjoint:
 
 
 def adjoint(problem: Problem, base: Fitted, joint: int) -> Adjoint:
-    """Impulse response by simulation of a short pulse on the nominal model, correlation by FFT per log."""
+    """Impulse response by simulation of a short pulse on the nominal model, correlation by FFT per log.
+
+    The pulse comes where the joint moves most while the response lasts: one that friction holds would not answer.
+    """
     window = slice(problem.bounds[0], problem.bounds[1])
     length = min(int(1.5 / problem.sample_time), (problem.bounds[1] - problem.bounds[0]) // 2)
-    at = problem.bounds[0] + (problem.bounds[1] - problem.bounds[0]) // 4
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(problem.reading[window, joint])))])
+    first = min(int(problem.burn_in / problem.sample_time), len(way) - length - 1)
+    at = problem.bounds[0] + first + int(np.argmax(way[first + length :] - way[first : len(way) - length]))
     size = 0.05 * float(np.std(problem.command[window, joint])) + 1e-12
     extra = np.zeros((1, len(problem.time), problem.joints))
     extra[0, at, joint] = size

@@ -139,6 +139,8 @@ def closed(after: float, before: float, floor: float) -> float | None:
 def resampled(blocks: Array, rng: np.random.Generator) -> Array:
     """Root mean squares of moving-block resamples of the windows' mean squares (M, blocks), shape (M, RESAMPLES)."""
     count = blocks.shape[1]
+    if not count:
+        return np.full((len(blocks), RESAMPLES), np.nan)
     length = max(1, round(count ** (1 / 3)))
     starts = rng.integers(0, count, (RESAMPLES, -(-count // length)))
     picks = ((starts[:, :, None] + np.arange(length)) % count).reshape(RESAMPLES, -1)[:, :count]

@@ -18,6 +18,9 @@ from diagnosis.problem import Problem, excitation_band
 from diagnosis.projection import project
 from envs.log import Array
 
+FLOOR = 1e-9
+"""Least response to a torque, as a share of the largest over frequency, by which the spectrum of errors is divided."""
+
 
 @dataclass(frozen=True)
 class Dependence:
@@ -153,7 +156,10 @@ def disturbance(problem: Problem, fitted: Fitted, joint: int, motor: Array) -> t
     spectrum = variance / np.maximum(filter_power, 1e-300)
     angular = 2 * np.pi * frequency
     sensor = float(np.quantile(spectrum[frequency > 0.25 / dt], 0.2)) * angular**2 / (angular**2 + problem.leak**2)
-    torque = variance / np.maximum(tool.power(angular, dt), 1e-300) * np.clip(1.0 - sensor / spectrum, 0.0, 1.0)
+    power = tool.power(angular, dt)
+    if not np.any(power > 0.0):  # friction holds the joint all the time: no torque shows
+        return 0.0, 0.0
+    torque = variance / np.maximum(power, FLOOR * np.max(power)) * np.clip(1.0 - sensor / spectrum, 0.0, 1.0)
     band = frequency < max(excitation_band(problem), 2.0 / (problem.time[problem.bounds[1] - 1] - problem.time[0]))
     size = float(np.sqrt(2.0 * np.sum(torque[band]) / count))
     return size, size / max(float(np.sqrt(np.mean(motor[problem.used] ** 2))), 1e-300)

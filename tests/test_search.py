@@ -19,10 +19,11 @@ from diagnosis.engine import (
     textbook,
 )
 from diagnosis.estimation import errors, finish, fit, plain, sensitivities
-from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
+from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at
 from diagnosis.problem import Problem, stack
 from diagnosis.regression import effective_samples
+from diagnosis.remainder import remainder
 from diagnosis.search import Scored, exchanged, generalised, price, retimed
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array, JointFacts, Log
@@ -458,3 +459,19 @@ def test_a_weak_effect_has_to_show_where_nobody_fitted() -> None:
         held_out = stack(KERNEL, [record(drag(elsewhere), noise(3))], (1,))
         finding = find(problem, (JointStructure(),), (NAMED["quadratic_drag"],), held_out=held_out)
         assert finding.verdict == verdict
+
+
+def test_the_response_to_a_torque_is_taken_where_the_joint_moves() -> None:
+    rest = 1500
+    time = DT * np.arange(5000)
+    command = np.where(time < rest * DT, 0.0, 2.0 * np.sin(2 * np.pi * 0.7 * time))[:, None]
+    values = {"coulomb_friction": {"torque": 0.5}}
+    model = StructuredModel((StructuredJoint(1, "voltage", JOINT, values),), DT, None, EFFECTS)
+    position = model.simulate(time, command, State.at_rest(0.0)).position
+    facts = JointFacts(input="voltage", position_unit="rad", encoder_step=STEP)
+    log = Log(time, command, STEP * np.round(position / STEP), (1,), facts=(facts,), name="rests first")
+    problem = stack(KERNEL, [log], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    held = fit(problem, extend(problem, nominal.point, Hypothesis(NAMED["coulomb_friction"], 0), np.array([[0.5]])))
+    assert np.max(np.abs(adjoint(problem, held, 0).response)) > 0.0
+    assert remainder(problem, held, 0).disturbance_share < 1.0

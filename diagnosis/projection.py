@@ -13,13 +13,16 @@ def project(
 ) -> tuple[Array, float]:
     """Least-squares coefficients of target (N,) on basis (K, N) and the decrease of the sum of squares.
 
-    certainty (K,): one over the variances of the coefficients, where they are expected (K,) beforehand.
+    certainty (K,): one over the variances of the coefficients, where they are expected (K,) beforehand. Where a signal
+    is not finite, as that of a model that runs away, nothing is explained.
     """
     gram = basis @ basis.T
     right = basis @ target
     if certainty is not None and expected is not None:
         gram += np.diag(certainty)
         right += certainty * expected
+    if not (np.all(np.isfinite(gram)) and np.all(np.isfinite(right))):
+        return np.zeros(len(basis)), 0.0
     diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     try:
         factor = cho_factor(gram / np.outer(diagonal, diagonal) + 1e-10 * np.eye(len(gram)))

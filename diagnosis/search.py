@@ -390,7 +390,8 @@ def generalised(problem: Problem, base: Fitted, effect: Effect, joint: int, size
     outcomes = errors(problem, points)
     rests = view.residual + view.sensitivities(outcomes - base.error)
     nothing = rests[:0]
-    best = int(np.argmin([np.sum(view.least(nothing, rest)[2] ** 2) for rest in rests]))
+    costs = np.array([np.sum(view.least(nothing, rest)[2] ** 2) for rest in rests])
+    best = int(np.argmin(np.where(np.isfinite(costs), costs, np.inf)))
     point = points[best]
     first = next(i for i, f in enumerate(point.free) if f.name.startswith(f"{effect.name}."))
     own_rows = view.sensitivities(sensitivities(problem, point, outcomes[best], first=first))

@@ -151,8 +151,7 @@ class Problem:
             out,
         )
         if not np.isfinite(out.sum()):  # a candidate that diverged is as wrong as can be, not undefined
-            np.nan_to_num(out, copy=False, nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED)
-            np.clip(out, -DIVERGED, DIVERGED, out=out)
+            bounded(out)
         return out
 
     def motion(self, parameters: Array, switches: np.ndarray, rigid: Array, starts: Array) -> Array:
@@ -254,6 +253,12 @@ def estimated_step(reading: Array) -> float:
         return 0.0
     share = np.mean(np.abs(gaps / step - np.round(gaps / step)) < 0.05)
     return step if share > 0.9 else 0.0
+
+
+def bounded(error: Array) -> Array:
+    """Errors, changed in place: those of a simulation that ran away are DIVERGED."""
+    np.nan_to_num(error, copy=False, nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED)
+    return np.clip(error, -DIVERGED, DIVERGED, out=error)
 
 
 def dithered(reading: Array) -> Array:

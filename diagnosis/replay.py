@@ -17,7 +17,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter, savgol_filter
 
 from diagnosis.estimation import Fitted, Point, errors
-from diagnosis.problem import Problem, smooth_derivatives
+from diagnosis.problem import Problem, bounded, smooth_derivatives
 from diagnosis.whitening import Whitener
 from envs.log import Array
 from methods.kernel import NOMINAL
@@ -140,17 +140,17 @@ def replay(
             held.append((states.copy(), bristles.copy()))
             at = begin
         moved[a:b] = motion
-        shift = corrections(problem, prediction[a:b])
+        shift = corrections(problem, bounded(prediction[a:b]))
         started = clock.perf_counter()
         scratch, none = np.zeros((count, n)), np.zeros((0, n, 3))
         for begin, state in zip(begins, held, strict=False):
             stop = min(begin + width, count)
             advance(begin, stop, *inputs, *corrected(state, shift[begin]), *model, *free, scratch, none)
-            windows[a:b][begin:stop] = scratch[begin:stop]
+            windows[a:b][begin:stop] = bounded(scratch[begin:stop])
         seconds += clock.perf_counter() - started
         simulated += len(begins) * width
         advance(first, count, *inputs, *corrected(held[0], shift[first]), *model, *free, scratch, none)
-        whole[a:b][first:] = scratch[first:]
+        whole[a:b][first:] = bounded(scratch[first:])
     return Replay(prediction, windows, whole, moved, 1e6 * seconds / max(simulated, 1))
 
 

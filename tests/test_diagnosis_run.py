@@ -17,7 +17,7 @@ from diagnosis.engine import Settings
 from diagnosis.estimation import covariance, errors, fit
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.ledger import closed
-from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.nominal import COLUMN, JointStructure, fit_nominal
 from diagnosis.output import to_json
 from diagnosis.parameters import canonical
 from diagnosis.preparation import (
@@ -30,7 +30,7 @@ from diagnosis.preparation import (
     moving_joints,
     structure,
 )
-from diagnosis.problem import stack
+from diagnosis.problem import DIVERGED, stack
 from diagnosis.replay import replay, rms, transfer, with_phases
 from diagnosis.result import Diagnosis
 from diagnosis.run import Solved, diagnose, solve
@@ -518,3 +518,13 @@ def test_saved_logs_give_the_same_diagnosis(tmp_path: Path, with_friction: tuple
     read = with_friction[0]
     path = save(read.fitted[0], tmp_path / "log.csv")
     assert load(path).content_hash == read.fitted[0].content_hash
+
+
+def test_a_model_that_runs_away_is_replayed_to_the_end() -> None:
+    problem = stack(build(built_in()), [recorded(model_of({}), 1)], (1,))
+    point = fit_nominal(problem, (JointStructure(),)).point
+    parameters = point.parameters.copy()
+    parameters[..., COLUMN["viscous"]] = -1e9
+    run = replay(problem, replace(point, parameters=parameters))
+    assert np.all(np.isfinite(run.prediction))
+    assert np.nanmax(np.abs(run.whole)) == DIVERGED

@@ -14,6 +14,7 @@ from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, 
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
 from diagnosis.problem import Problem, in_band
+from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainder
 from diagnosis.replay import on_logs, transfer, with_phases
 from diagnosis.search import (
@@ -336,8 +337,7 @@ def timed_anew(problem: Problem, base: Fitted, ranked: list[Scored]) -> list[Sco
     def anew(scored: Scored) -> Scored:
         if not any(scored is rival for rival in rivals):
             return scored
-        fitted = timing_settled(problem, scored.fitted)
-        return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
+        return scored.refitted(base, timing_settled(problem, scored.fitted))
 
     return sorted(each(anew, ranked), key=lambda scored: -scored.evidence)
 
@@ -408,7 +408,7 @@ def textbook(ranked: Sequence[Scored]) -> list[Scored]:
     leaves no other law ahead.
 
     A form with more freedom than the textbook's repairs what other effects have yet to explain; it can still take the
-    textbook's place when they do (`merged`).
+    textbook's place when they do (`diagnosis.search.generalised`).
     """
     forms: dict[tuple[str, int], list[Scored]] = {}
     for scored in ranked:
@@ -476,7 +476,7 @@ def simplified(
     if not inner:
         return chosen
     visible = is_resolved(problem, chosen.scored)
-    for start in proposals(problem, [base], inner, sizes_of(problem, base))[0]:
+    for start in proposals(problem, [View.of(problem, base)], inner, sizes_of(problem, base))[0]:
         point = within(problem, chosen.scored, start)
         fitted = fit(problem, point, chosen.scored.fitted.whitener, rounds=2, iterations=6)
         simple = score(problem, base, start, fitted)

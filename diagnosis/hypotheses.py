@@ -122,7 +122,7 @@ def withdraw(problem: Problem, point: Point, name: str, joint: int) -> Point:
 
 
 def proposals(
-    problem: Problem, views: Sequence[Fitted], candidates: Iterable[tuple[Effect, int]], sizes: dict[int, Scales]
+    problem: Problem, views: Sequence[View], candidates: Iterable[tuple[Effect, int]], sizes: dict[int, Scales]
 ) -> list[list[Start]]:
     """Best starting values per hypothesis, by regression of the nominal errors on its sensitivities, best first.
 
@@ -134,14 +134,13 @@ def proposals(
     for effect, joint in candidates:
         if effect.scan is not None:
             for view in views:
-                jobs += scan(problem, view, effect, joint, sizes[joint])
+                jobs += scan(problem, view.fitted, effect, joint, sizes[joint])
         elif effect.starts is not None:
             every = list(effect.starts(sizes[joint]))
             shapes = len({tuple(v[i] for i in effect.shapes) for v in every})
             jobs += [(Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), shapes) for v in every]
-    seen = [View.of(problem, view) for view in views]
     found: list[dict[str, list[Start]]] = [{} for _ in views]
-    proposed = each(lambda job: _regress(problem, seen, *job), jobs)
+    proposed = each(lambda job: _regress(problem, views, *job), jobs)
     for (hypothesis, _, _), starts in zip(jobs, proposed, strict=True):
         # an event in all logs and one in a single log are told apart by a fit only
         key = f"{hypothesis.effect.name}@{hypothesis.joint}" + ("#" if hypothesis.log >= 0 else "")
@@ -405,12 +404,6 @@ def sizes_of(problem: Problem, base: Fitted) -> dict[int, Scales]:
     """Typical magnitudes per joint; the motor torque is taken from the command less the back-EMF."""
     result = {}
     for j in range(problem.joints):
-        velocity = np.concatenate(
-            [
-                smooth_derivatives(problem.time[a:b], problem.reading[a:b, j : j + 1], 0.03)[1][:, 0]
-                for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True)
-            ]
-        )
         nominal = base.point.parameters[0, j]
-        result[j] = scales(problem, nominal, problem.command[:, j] - nominal[2] * velocity, j)
+        result[j] = scales(problem, nominal, problem.command[:, j] - nominal[2] * problem.velocity[:, j], j)
     return result

@@ -105,6 +105,15 @@ class Problem:
         return mask
 
     @cached_property
+    def velocity(self) -> Array:
+        """Smoothed velocity of the readings (T, n)."""
+        parts = [
+            smooth_derivatives(self.time[a:b], self.reading[a:b], 0.03)[1]
+            for a, b in zip(self.bounds[:-1], self.bounds[1:], strict=True)
+        ]
+        return np.concatenate(parts)
+
+    @cached_property
     def cumulative(self) -> Array:
         """Integral of the held command over samples, per log (T, n)."""
         total = np.zeros_like(self.command)
@@ -341,12 +350,7 @@ def stack(
 def scales(problem: Problem, nominal: Array, torque: Array, joint: int) -> Scales:
     """Typical magnitudes for the starting values of effects; nominal (columns,), torque (T,) motor torque."""
     q = problem.reading[:, joint]
-    velocity = np.concatenate(
-        [
-            smooth_derivatives(problem.time[a:b], problem.reading[a:b, joint : joint + 1], 0.03)[1][:, 0]
-            for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True)
-        ]
-    )
+    velocity = problem.velocity[:, joint]
     u = problem.command[:, joint]
     rms = lambda x: float(np.sqrt(np.mean(x**2)))  # noqa: E731
     return Scales(

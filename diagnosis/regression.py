@@ -38,10 +38,10 @@ class View:
         point = fitted.point
         certainty = np.array([f.deviation for f in point.free]) ** -2.0
         expected = np.array([f.centre for f in point.free]) - point.vector
-        jacobian = np.where(
-            _pressing(point, fitted.jacobian @ (fitted.innovation * noise))[:, None], 0, fitted.jacobian
-        )
-        plain = cls(fitted, noise, None, fitted.innovation * noise, jacobian, certainty, expected)
+        residual = fitted.innovation * noise
+        held = _pressing(point, fitted.jacobian @ residual)
+        jacobian = np.where(held[:, None], 0.0, fitted.jacobian)
+        plain = cls(fitted, noise, None, residual, jacobian, certainty, expected)
         if not fitted.filtered or fitted.whitener.solution is None:
             return plain
         taken = absorption(problem, fitted.error, fitted.whitener)

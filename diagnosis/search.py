@@ -71,6 +71,10 @@ class Scored:
     def evidence(self) -> float:
         return self.decrease - self.price
 
+    def refitted(self, base: Fitted, fitted: Fitted) -> Scored:
+        """The same hypothesis with another fit, beside its parent."""
+        return replace(self, fitted=fitted, decrease=base.criterion - fitted.criterion)
+
 
 @dataclass(frozen=True)
 class Ranked:
@@ -112,7 +116,8 @@ def try_all(
     `needed`: linear prediction of the evidence below which a hypothesis is not refined.
     """
     base = _with_reference(problem, base)
-    views, sizes = [base, plain(problem, base)], sizes_of(problem, base)
+    bare_base, sizes = plain(problem, base), sizes_of(problem, base)
+    views = [View.of(problem, view) for view in (base, bare_base)]
     general = [(effect, j) for effect, j in effects if contained(problem, base.point, effect, j) is not None]
     lists = proposals(problem, views, [item for item in effects if item not in general], sizes)
     own, bare = (
@@ -120,12 +125,12 @@ def try_all(
         for starts, least in zip((simplest(lists[0]), hidden(*lists)), (LEAST, 0), strict=True)
     )
     known = sensitivities(problem, base.point, base.error)
-    fits = each(lambda start: roughly(problem, views[0], start, known), own)
+    fits = each(lambda start: roughly(problem, base, start, known), own)
     rough = [(start, fitted) for start, found in zip(own, fits, strict=True) for fitted in found]
-    rough += further(problem, views[1], bare, known)
+    rough += further(problem, bare_base, bare, known)
     either = {s.hypothesis.key: s for s in [*bare, *own]}.values()
     other = [(start, p, 3) for start in either for p in exchanged(problem, base.point, start)]
-    forms = each(lambda item: generalised(problem, base, *item, sizes[item[1]]), general)
+    forms = each(lambda item: generalised(problem, views[0], *item, sizes[item[1]]), general)
     other += [(start, p, 6) for start, p in forms if start.promise > NEARLY * max(needed, np.log(base.samples))]
     rough += each(lambda item: (item[0], fit(problem, item[1], rounds=1, iterations=item[2])), other)
     promises = {(start.hypothesis.effect.name, start.hypothesis.joint): start.promise for start in reversed(lists[0])}
@@ -262,7 +267,7 @@ def _converged(
 
     def continued(scored: Scored) -> Scored:
         fitted = fit(problem, scored.fitted.point, scored.fitted.whitener, rounds=2, iterations=4)
-        return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
+        return scored.refitted(base, fitted)
 
     order = first(sorted(likeliest.values(), key=lambda s: s.price - hoped(s)), finals + 1, lambda s: law(s.start))
     leading = {law(s.start): s for s in reversed(order)}  # of the forms that the logs can show, if there are any
@@ -300,7 +305,7 @@ def unstuck(problem: Problem, base: Fitted, scored: Scored) -> Scored:
     """The hypothesis fitted to the errors as they are, and then to their innovations."""
     bare = fit(problem, scored.fitted.point, unfiltered(problem), rounds=1, iterations=10, renewed=False)
     fitted = fit(problem, bare.point, rounds=2, iterations=6)
-    return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
+    return scored.refitted(base, fitted)
 
 
 def with_limits(problem: Problem, base: Fitted, ranked: Sequence[Scored]) -> list[Scored]:
@@ -368,14 +373,14 @@ def contained(problem: Problem, point: Point, effect: Effect, joint: int) -> Eff
     return next((form for form in forms if point.switches[joint, on[form.name]]), None)
 
 
-def generalised(problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales) -> tuple[Start, Point]:
+def generalised(problem: Problem, view: View, effect: Effect, joint: int, size: Scales) -> tuple[Start, Point]:
     """The more general form of a law in place of the one that is in the model, which lends it what both describe.
 
     Its further parameters are those that leave least of the errors, to first order in all parameters.
     """
+    base, hypothesis = view.fitted, Hypothesis(effect, joint)
     inner = contained(problem, base.point, effect, joint)
     assert inner is not None
-    view, hypothesis = View.of(problem, base), Hypothesis(effect, joint)
     shapes = [tuple(v) for v in effect.starts(size)] if effect.starts else []
     known = {q.name: base.point.parameters[:, joint, problem.kernel.column(inner, q.name)] for q in inner.parameters}
     lent = [i for i, parameter in enumerate(effect.parameters) if parameter.name in known]
@@ -426,7 +431,7 @@ def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12)
     fitted = fit(problem, fitted.point, rounds=2, iterations=iterations)
     if fitted.criterion > scored.fitted.criterion:
         return scored
-    return replace(scored, fitted=fitted, decrease=base.criterion - fitted.criterion)
+    return scored.refitted(base, fitted)
 
 
 def retimed(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:

@@ -22,7 +22,7 @@ from diagnosis.estimation import errors, finish, fit, plain, sensitivities
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at
 from diagnosis.problem import Problem, stack
-from diagnosis.regression import effective_samples
+from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import remainder
 from diagnosis.search import Scored, exchanged, generalised, price, retimed
 from diagnosis.whitening import absorption, whitener
@@ -102,7 +102,7 @@ def test_no_view_takes_an_offset_for_noise() -> None:
     noise = 0.02 * np.random.default_rng(0).standard_normal(5000)
     problem = problem_of({"amplifier_offset": {"voltage": 0.1}}, noise)
     nominal = fit_nominal(problem, (JointStructure(),))
-    views = [nominal, plain(problem, nominal)]
+    views = [View.of(problem, view) for view in (nominal, plain(problem, nominal))]
     candidates = [(NAMED["amplifier_offset"], 0)]
     filtered, bare = (starts[0] for starts in proposals(problem, views, candidates, sizes_of(problem, nominal)))
     assert min(bare.promise, filtered.promise) > 100.0
@@ -123,7 +123,8 @@ def test_a_regression_does_not_move_what_is_known_beforehand() -> None:
     """Velocities at the beginning, forgotten when the comparison begins, stay what the readings say."""
     problem = problem_of({"coulomb_friction": {"torque": 0.1}})
     nominal = fit_nominal(problem, (JointStructure(),))
-    start = proposals(problem, [plain(problem, nominal)], [(NAMED["coulomb_friction"], 0)], sizes_of(problem, nominal))
+    view = View.of(problem, plain(problem, nominal))
+    start = proposals(problem, [view], [(NAMED["coulomb_friction"], 0)], sizes_of(problem, nominal))
     shift = start[0][0].shift
     assert shift is not None
     for f, own in zip(nominal.point.free, shift, strict=True):
@@ -238,7 +239,8 @@ def test_lags_trade_places() -> None:
     problem = problem_of({"amplifier_lag": {"time_constant": 0.02}})
     structure = JointStructure(electrical_time_constant=0.005, inertia=0.08)
     nominal = fit(problem, point_at(problem, (structure,), (True,)), rounds=3, iterations=12)
-    starts = proposals(problem, [nominal], [(NAMED["amplifier_lag"], 0)], sizes_of(problem, nominal))[0]
+    view = View.of(problem, nominal)
+    starts = proposals(problem, [view], [(NAMED["amplifier_lag"], 0)], sizes_of(problem, nominal))[0]
     fits = [fit(problem, p, rounds=3, iterations=12) for p in exchanged(problem, nominal.point, starts[0])]
     lags = [fitted.point.value("amplifier_lag.time_constant@0") for fitted in fits]
     assert lags[0] == pytest.approx(0.02, rel=0.02)
@@ -333,7 +335,7 @@ def test_a_general_form_begins_where_the_textbook_form_is(name: str, values: lis
     nominal = fit_nominal(problem, (JointStructure(),))
     base = fit(problem, extend(problem, nominal.point, Hypothesis(inner, 0), np.array([values])))
     (general,) = (effect for effect in EFFECTS if effect.label == name and effect.neutral)
-    start, point = generalised(problem, base, general, 0, sizes_of(problem, base)[0])
+    start, point = generalised(problem, View.of(problem, base), general, 0, sizes_of(problem, base)[0])
     assert not point.switches[0, KERNEL.switches[name]]
     assert start.promise < 12.0
     same, own, bare = errors(problem, [base.point, point, nominal.point])
@@ -393,7 +395,7 @@ def test_waves_are_found_on_a_long_way() -> None:
     log = Log(time, command, STEP * np.round(motion.position / STEP), (1,), facts=(facts,), name="far")
     problem = stack(KERNEL, [log], (1,))
     nominal = fit_nominal(problem, (JointStructure(input="torque", electrical=False),))
-    views = [nominal, plain(problem, nominal)]
+    views = [View.of(problem, view) for view in (nominal, plain(problem, nominal))]
     starts = proposals(problem, views, [(NAMED["cogging_torque"], 0)], sizes_of(problem, nominal))[0]
     assert np.ptp(motion.position) > 4.0 * np.pi
     assert starts[0].values[0, 2] == pytest.approx(150.0, abs=0.5)

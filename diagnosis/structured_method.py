@@ -112,10 +112,10 @@ def _estimates(
 
     The names are those of `methods.regressor`, followed by the joint where several are fitted together.
     """
-    center = fitted.point.vector
+    vector = fitted.point.vector
 
-    def coefficients(vector: Array) -> list[dict[ColumnName, float]]:
-        point = fitted.point.at(vector)
+    def coefficients(values: Array) -> list[dict[ColumnName, float]]:
+        point = fitted.point.at(values)
         found = []
         for j in range(len(group)):
             row = point.parameters[0, j]
@@ -126,15 +126,16 @@ def _estimates(
             found.append(columns_of({name: v for name, v in named.items() if name in free or name == "back_emf"}))
         return found
 
-    names = [(column, j) for j, found in enumerate(coefficients(center)) for column in found]
-    values = np.array([v for found in coefficients(center) for v in found.values()])
-    slopes = np.zeros((len(values), len(center)))
+    centre = coefficients(vector)
+    names = [(column, j) for j, found in enumerate(centre) for column in found]
+    values = np.array([centre[j][column] for column, j in names])
+    slopes = np.zeros((len(values), len(vector)))
     for k, free in enumerate(fitted.point.free):
         if free.kind != "start":
-            step = np.zeros(len(center))
+            step = np.zeros(len(vector))
             step[k] = 1e-6 * free.scale
-            moved = np.array([v for found in coefficients(center + step) for v in found.values()])
-            slopes[:, k] = (moved - values) / step[k]
+            beside = coefficients(vector + step)  # with a jerk where the lag of a winding was at its bound of 0
+            slopes[:, k] = (np.array([beside[j][column] for column, j in names]) - values) / step[k]
     scaled = fitted.innovation.reshape(len(group), -1) / np.sqrt(np.maximum(fitted.variances, 1e-300))[:, None]
     estimates = Estimates(
         names=tuple(column if len(group) == 1 else f"{column} of joint {group[j]}" for column, j in names),

@@ -11,7 +11,7 @@ import numpy as np
 from envs.column_map import ColumnMap, ColumnSource
 from envs.log import Array
 from envs.log_tables import Table
-from envs.validation import SLOWEST_INTERVAL, WIDEST_SWING
+from envs.validation import SLOWEST_INTERVAL, WIDEST_SWING, counts_radians
 
 #: Words that names of columns are made of, by the signal they speak of; the first match of a column counts.
 WORDS: dict[str, tuple[str, ...]] = {
@@ -156,7 +156,8 @@ def time_unit(values: Array) -> str:
 
 def angle_unit(values: Array) -> str:
     """rad, deg or encoder counts (of an unknown number per turn), by the range and by whether all are whole."""
-    span = float(np.ptp(values[np.isfinite(values)])) if np.isfinite(values).any() else 0.0
+    values = values[np.isfinite(values)]
+    span = float(np.ptp(values)) if len(values) else 0.0
     if span > 0 and np.array_equal(values, np.round(values)):
         return "turn / COUNTS_PER_TURN"
-    return "rad" if span <= WIDEST_SWING else "deg"
+    return "rad" if span <= WIDEST_SWING or counts_radians(values) else "deg"

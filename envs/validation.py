@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from envs.log import COMMAND_UNIT, PREFIX_OF, Array, Log, LogError
-from envs.log_statistics import MAD_TO_STD, jumps, spikes, timing
+from envs.log_statistics import MAD_TO_STD, jumps, quantisation_step, spikes, timing
 
 #: Fewer samples than this cannot carry an experiment.
 MINIMUM_SAMPLES = 16
@@ -194,7 +194,7 @@ def check_position_unit(log: Log, names: Names) -> None:
         path = float(np.abs(np.diff(position)).sum())
         returns = abs(position[-1] - position[0]) < 0.5 * path
         widest = WIDEST_SWING if unit == "rad" else 10.0
-        if span > widest and returns:
+        if span > widest and returns and not (unit == "rad" and counts_radians(position)):
             whole = np.array_equal(position, np.round(position))
             if unit == "rad":
                 guess, spoken = ("turn / COUNTS", "encoder counts") if whole else ("deg", "degrees")
@@ -203,11 +203,20 @@ def check_position_unit(log: Log, names: Names) -> None:
             raise LogError(
                 f"back and forth over {span:.4g} {unit} is implausible, this looks like {spoken}",
                 remedy=f'Convert to {unit} or state {name} = {{ column = "{names[name]}", unit = "{guess}" }} '
-                "in a column map",
+                f'in a column map (unit = "{unit}" if it is so)',
                 source=log.source,
                 column=names[name],
                 row=int(np.argmax(np.abs(position))) + 1,
             )
+
+
+def counts_radians(position: Array) -> bool:
+    """Whether the angle comes in whole counts per turn of 2 pi, and not in whole counts per turn of 360."""
+    step = quantisation_step(position)
+    if step is None:
+        return False
+    radians, degrees = (abs(turn / step - round(turn / step)) < 0.01 for turn in (2.0 * math.pi, 360.0))
+    return radians and not degrees
 
 
 def check_wrap(position: Array, name: str, log: Log, names: Names) -> None:

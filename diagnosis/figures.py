@@ -181,11 +181,10 @@ def bars(rows: Sequence[LedgerRow]) -> list[Bar]:
 def waterfall(rows: Sequence[LedgerRow], gap: Gap, name: str) -> str:
     """From the nominal model down to the noise floor: what every step takes away; rivals as points below."""
     shown = bars(rows)
-    errors = [bar.error for bar in shown]
-    factor, unit = scale_for([max(errors), gap.noise_floor], gap.unit)
+    factor, unit = scale_for([max([bar.error for bar in shown], default=0.0), gap.noise_floor], gap.unit)
     floor = gap.noise_floor * factor
     figure, axes = panel(WIDE, 0.62 + 0.27 * len(shown), left=1.75)
-    positive = [e * factor for e in errors if e > 0] + ([floor] if floor > 0 else [])
+    positive = [bar.error * factor for bar in shown if bar.error > 0] + ([floor] if floor > 0 else [])
     logarithmic = max(positive) > DECADES * min(positive)
     origin = 0.55 * min(positive) if logarithmic else 0.0
     highest = max(positive + [factor * bar.interval[1] for bar in shown if bar.interval is not None])

@@ -12,7 +12,7 @@ import numpy as np
 
 from diagnosis.engine import Finding, without
 from diagnosis.estimation import Fitted, Point
-from diagnosis.problem import Problem
+from diagnosis.problem import DIVERGED, Problem
 from diagnosis.replay import Replay, in_blocks, input_equivalent, noise_floor, replay, rms, transfer, with_phases
 from diagnosis.result import Gap, LedgerRow
 from envs.log import Array
@@ -88,20 +88,29 @@ def rows(
         if step.joint not in (None, j):
             continue
         inverse = input_equivalent(held_out, step.point, step.replay.prediction)[held_out.used, j]
+        parts, whole, note = simulated(step.replay.windows[:, j], step.replay.whole[:, j])
         table.append(
             LedgerRow(
                 joint=joint,
                 step=step.title,
                 role=step.role,  # type: ignore[arg-type]
                 inverse_error=rms(inverse),
-                window_error=rms(step.replay.windows[:, j]),
-                whole_error=rms(step.replay.whole[:, j]),
-                interval=quantiles(draws[i]),
-                closed=closed(rms(step.replay.windows[:, j]), rms(found[base].replay.windows[:, j]), floor),
+                window_error=parts,
+                whole_error=whole,
+                interval=None if parts is None else quantiles(draws[i]),
+                closed=None if parts is None else closed(parts, rms(found[base].replay.windows[:, j]), floor),
                 microseconds=step.replay.microseconds,
+                note=note,
             )
         )
     return table
+
+
+def simulated(windows: Array, whole: Array) -> tuple[float | None, float | None, str]:
+    """Root mean squares of the errors of free simulation, NaN not counted; None, and a note, where it ran away."""
+    lost, ended = (float(np.nanmax(np.abs(errors), initial=0.0)) >= DIVERGED for errors in (windows, whole))
+    notes = ["diverges in the windows"] * lost + ["diverges over the whole log"] * ended
+    return None if lost else rms(windows), None if ended else rms(whole), ", ".join(notes)
 
 
 def gap(

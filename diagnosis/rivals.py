@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from diagnosis.ledger import WINDOW, closed, quantiles, resampled
-from diagnosis.problem import Problem
+from diagnosis.ledger import WINDOW, closed, quantiles, resampled, simulated
+from diagnosis.problem import Problem, bounded
 from diagnosis.replay import in_blocks, rms
 from diagnosis.result import LedgerRow
 from envs.log import Array, Log
@@ -78,7 +78,7 @@ def _row(
     scale: tuple[float, float],
     rng: np.random.Generator,
 ) -> LedgerRow:
-    inverse, windows, whole, seconds, simulated = [], [], [], 0.0, 0
+    inverse, windows, whole, seconds, count = [], [], [], 0.0, 0
     for log in logs:
         signals = smooth.signals(log)
         command = model.inverse(signals.time, signals.motion, signals.command)
@@ -87,26 +87,23 @@ def _row(
         started = clock.perf_counter()
         windows.append(np.concatenate([_free(model, log, signals, a, b) for a, b in _parts(signals, width)]))
         seconds += clock.perf_counter() - started
-        simulated += len(windows[-1])
+        count += len(windows[-1])
         whole.append(_free(model, log, signals, 0, len(signals)))
-    error = np.concatenate(windows)
-    lost = not np.all(np.isfinite(error)) or float(np.max(np.abs(error))) > 1e6
+    error = bounded(np.concatenate(windows))
     bounds = np.cumsum([0, *map(len, windows)])
     blocks = in_blocks(error, bounds, max(8, round(WINDOW / logs[0].sample_time)))
-    rest = np.concatenate(whole)
-    ended = not np.all(np.isfinite(rest))
-    notes = ["diverges in the windows"] * lost + ["diverges over the whole log"] * ended
+    parts, rest, note = simulated(error, bounded(np.concatenate(whole)))
     return LedgerRow(
         joint=joint,
         step=name,
         role="rival",
         inverse_error=rms(np.concatenate(inverse)),
-        window_error=None if lost else rms(error),
-        whole_error=None if ended else rms(rest),
-        interval=None if lost else quantiles(resampled(blocks[None], rng)[0]),
-        closed=None if lost else closed(rms(error), *scale),
-        microseconds=1e6 * seconds / max(simulated, 1),
-        note=", ".join(notes),
+        window_error=parts,
+        whole_error=rest,
+        interval=None if parts is None else quantiles(resampled(blocks[None], rng)[0]),
+        closed=None if parts is None else closed(parts, *scale),
+        microseconds=1e6 * seconds / max(count, 1),
+        note=note,
     )
 
 

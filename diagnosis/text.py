@@ -23,8 +23,14 @@ def rounded(estimate: Estimate) -> str:
     return measured(estimate.value, estimate.std, estimate.unit)
 
 
+RAN_AWAY = 1e3
+"""Error of free simulation over short windows [rad or m] that only a simulation which ran away has."""
+
+
 def gain(gap: Gap) -> str:
     """How an error changed: ``cuts the held-out error from 41 to 3.1 mrad, noise floor 1 mrad``."""
+    if gap.after > max(RAN_AWAY, gap.before):
+        return f"makes the simulation run away on the {'held-out logs' if gap.on == 'held-out' else 'data kept apart'}"
     factor, unit = scale_for([gap.before], gap.unit)
     before, after, floor = (number(factor * value) for value in (gap.before, gap.after, gap.noise_floor))
     verb = "cuts" if gap.after < gap.before else "changes"

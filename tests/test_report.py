@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from diagnosis.figures import equation, report_style
+from diagnosis.ledger import simulated
 from diagnosis.model_equations import model_equations
 from diagnosis.output import to_json
+from diagnosis.problem import DIVERGED
 from diagnosis.quantities import measured, number, percent, quantity, unbroken
 from diagnosis.report import MEANING, render
 from diagnosis.result import (
@@ -35,7 +37,7 @@ from diagnosis.result import (
     SignalDependence,
     Spectrum,
 )
-from diagnosis.text import joint_sentence
+from diagnosis.text import gain, joint_sentence
 from methods.effects import built_in
 
 HOSTILE = '<script>alert("1")</script> $x_{ & \' "onmouseover="x'
@@ -313,3 +315,13 @@ def test_numbers_for_people() -> None:
     assert percent(1.0) == "100\u00a0%"
     assert unbroken("from 41 to 3 mrad") == "from 41 to 3\u00a0mrad"
     assert unbroken("6.9 ± 0.1 N m is") == "6.9\u00a0±\u00a00.1\u00a0N\u00a0m is"
+
+
+def test_a_simulation_that_runs_away_is_said_and_not_measured() -> None:
+    sound = np.full(50, 1e-3)
+    away = np.where(np.arange(50) > 40, DIVERGED, 1e-3)
+    assert simulated(sound, sound) == (pytest.approx(1e-3), pytest.approx(1e-3), "")
+    assert simulated(sound, away) == (pytest.approx(1e-3), None, "diverges over the whole log")
+    assert simulated(away, away)[:2] == (None, None)
+    words = gain(Gap(1, "rad", 0.04, 4e5, 0.001, None, None, "held-out"))
+    assert words == "makes the simulation run away on the held-out logs"

@@ -318,6 +318,7 @@ def select(
         confirmed(problem, base, item, accepted[i + 1 :], settings) if accepted[i + 1 :] else item
         for i, item in enumerate(accepted)
     ]
+    accepted = [disguised(problem, base, item, accepted, effects, settings) for item in accepted]
     said = verdict(problem, nominal, base, accepted, left, settings)
     patched = max((r.decrease - r.price for r in path.refused), default=0.0)
     explained = nominal.criterion - base.criterion
@@ -547,6 +548,33 @@ def confirmed(
     limit = base.criterion + item.scored.price + settings.rival
     costs = each(cost, item.rivals)
     return replace(item, rivals=tuple(rival for rival, own in zip(item.rivals, costs, strict=True) if own < limit))
+
+
+def disguised(
+    problem: Problem,
+    base: Fitted,
+    item: Accepted,
+    accepted: Sequence[Accepted],
+    effects: Sequence[Effect],
+    settings: Settings,
+) -> Accepted:
+    """The effect with those forms of it among its rivals that beside another effect are the same to any log.
+
+    Dry friction that differs between the directions is dry friction and an offset.
+    """
+    amount = lambda fitted, effect: (  # noqa: E731
+        np.abs(fitted.point.parameters[:, item.joint, problem.kernel.column(effect, "torque")]).max()
+    )
+    for effect in effects:
+        bearers = [other.effect for other in accepted if other.label in effect.beside and other.joint == item.joint]
+        if item.name not in effect.includes or not bearers:
+            continue
+        smaller = without(problem, base, item)
+        for rival in try_all(problem, smaller, [(effect, item.joint)])[:1]:
+            there = sum(amount(rival.fitted, bearer) for bearer in bearers)
+            if rival.fitted.criterion < base.criterion + settings.rival and 0.5 * amount(rival.fitted, effect) <= there:
+                item = replace(item, rivals=(*item.rivals, rival))
+    return item
 
 
 def simplified_afterwards(

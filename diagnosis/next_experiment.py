@@ -1,8 +1,8 @@
 """Which experiment would tell most: a few excitations, simulated on the extended model, compared by information.
 
 While two names compete, the best experiment is the one in which their responses differ most (largest expected decrease
-of -2 log likelihood by the right one); else the one that sharpens the least certain parameter of the named effects, or
-of the nominal model, the most. The noise is taken to be that of the logs at hand.
+of -2 log likelihood by the right one). Where no names compete, or no experiment separates them, it is the one that
+sharpens the least certain parameter of the named effects, or of the nominal model, the most. The noise is taken to be that of the logs at hand.
 
 Source: G. C. Goodwin, R. L. Payne, Dynamic System Identification: Experiment Design and Data Analysis, 1977.
 """
@@ -60,15 +60,14 @@ def next_experiment(
         here = separation(problem, item.scored.fitted, rival.fitted)
         gains = [separation(part, item.scored.fitted, rival.fitted) * ratio for _, part, ratio in found]
         best = int(np.argmax(gains))
-        if gains[best] < max(ENOUGH, WORTH * here):
-            return None
-        return NextExperiment(
-            joint=joint,
-            excitation=found[best][0].text,
-            purpose=f"to tell {item.name} from {rival.name}".replace("_", " "),
-            benefit=f"expected evidence {gains[best]:.3g} instead of {here:.3g}",
-            factor=float(gains[best] / max(here, 1e-12)),
-        )
+        if gains[best] >= max(ENOUGH, WORTH * here):
+            return NextExperiment(
+                joint=joint,
+                excitation=found[best][0].text,
+                purpose=f"to tell {item.name} from {rival.name}".replace("_", " "),
+                benefit=f"expected evidence {gains[best]:.3g} instead of {here:.3g}",
+                factor=float(gains[best] / max(here, 1e-12)),
+            )
     return _sharpest(problem, finding.final, found, joint)
 
 

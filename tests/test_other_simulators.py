@@ -88,6 +88,17 @@ def joint(**recording: float) -> StructuredModel:
     return StructuredModel((StructuredJoint(1, "torque", nominal, {}),), DT, None, EFFECTS)
 
 
+def test_dry_friction_that_differs_by_direction_is_not_told_from_an_offset() -> None:
+    found = diagnosed(lambda w: 0.1 * math.tanh(w / 0.01) + 0.03, steps=4)
+    assert set(names(found)) == {"amplifier_offset", "coulomb_friction"}
+    offset = next(item for item in found.accepted if item.label == "amplifier_offset")
+    assert found.verdict == "ambiguous"
+    assert [rival.label for rival in offset.rivals] == ["friction_asymmetry"]
+    beyond = diagnosed(lambda w: 0.03 * math.tanh(w / 0.01) + 0.1, steps=4)
+    assert set(names(beyond)) == {"amplifier_offset", "coulomb_friction"}
+    assert beyond.verdict == "named"
+
+
 def test_a_command_that_acts_before_it_is_logged() -> None:
     time = DT * np.arange(500)
     command = np.sin(20.0 * time)[:, None]

@@ -662,6 +662,7 @@ EXCLUSIVE: tuple[frozenset[str], ...] = (
     frozenset({"coulomb_friction", "stribeck_friction", "presliding_friction", "friction_asymmetry"}),
     frozenset({"joint_flexibility", "backlash"}),
     frozenset({"amplifier_offset", "friction_asymmetry"}),
+    *(frozenset({"amplifier_offset", f"{law}_friction"}) for law in ("coulomb", "stribeck", "presliding")),
     frozenset({"cable_spring", "gravity_tilt"}),
     frozenset({"amplifier_lag", "input_delay"}),
     frozenset({"cogging_torque", "torque_ripple"}),

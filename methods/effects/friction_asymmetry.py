@@ -1,7 +1,8 @@
 """Asymmetric friction: dry and viscous friction differ between the two directions.
 
 ``T+ = T + torque / 2``, ``T- = T - torque / 2`` and likewise for the viscous coefficient. A joint that dry friction
-holds is held between ``-T-`` and ``T+``.
+holds is held between ``-T-`` and ``T+``. Where only the dry part differs, by no more than there is of it, this is dry
+friction and a constant torque: no log tells it from an offset of the amplifier.
 
 Source: B. Armstrong-Helouvry, Control of Machines with Friction, 1991 (direction-dependent Coulomb and viscous terms).
 """
@@ -29,4 +30,5 @@ EFFECT = Effect(
     starts=lambda s: [(0.02 * s.torque_rms, 0.02 * s.torque_rms / s.velocity_rms)],
     function=torque,
     includes=("amplifier_offset",),
+    beside=("coulomb_friction", "stribeck_friction", "presliding_friction"),
 )

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from diagnosis.engine import Finding, without
 from diagnosis.estimation import Fitted, Point
@@ -23,6 +24,12 @@ WINDOW = 1.0
 LEVEL = 0.90
 """Coverage of the intervals."""
 RESAMPLES = 400
+BEYOND = 2.0
+"""Error on held-out logs, as a multiple of what noise makes it, from which the model does not hold there."""
+CHANCE = 1e-4
+"""Probability of a larger error by chance alone, where windows are few."""
+UNSEEN = ("thermal_drift",)
+"""Effects whose state at the beginning of a log the log does not show; events need not happen in another log either."""
 DISTINCT = 1.05
 """The refitted nominal model has to err by this factor more than noise alone; otherwise there is no gap to explain."""
 
@@ -73,6 +80,25 @@ def floor_of(problem: Problem, finding: Finding, j: int) -> float:
         sensor = problem.encoder_step / np.sqrt(12.0)
         return noise_floor(problem, finding.final, j, WINDOW, max(sensor, 1e-12), coloured=False)
     return noise_floor(problem, finding.final, j, WINDOW, float(np.sqrt(finding.final.variances[j])), coloured=True)
+
+
+def failures(problem: Problem, held_out: Problem, finding: Finding, step: Step) -> dict[int, float]:
+    """The joints whose model errs on the held-out logs by more than noise accounts for, and by how many times that.
+
+    A patchwork of known effects can pass for an unknown one in the range of the fitted motion, not beyond it. The mean
+    square of every window counts as a square of one normal deviate, so that few windows have to err by more.
+    """
+    if finding.verdict == "unknown" or any(
+        item.effect.scan == "event" or item.label in UNSEEN for item in finding.accepted
+    ):
+        return {}
+    width, found = max(8, round(WINDOW / held_out.sample_time)), {}
+    for j in range(problem.joints):
+        blocks = in_blocks(step.replay.windows[:, j], held_out.bounds, width)
+        times = float(np.sqrt(np.mean(blocks))) / floor_of(problem, finding, j) if len(blocks) else 0.0
+        if times**2 > max(BEYOND**2, float(chi2.isf(CHANCE, max(len(blocks), 1))) / max(len(blocks), 1)):
+            found[j] = times
+    return found
 
 
 def rows(

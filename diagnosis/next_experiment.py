@@ -2,7 +2,8 @@
 
 While two names compete, the best experiment is the one in which their responses differ most (largest expected decrease
 of -2 log likelihood by the right one). Where no names compete, or no experiment separates them, it is the one that
-sharpens the least certain parameter of the named effects, or of the nominal model, the most. The noise is taken to be that of the logs at hand.
+sharpens the least certain parameter of the named effects, or of the nominal model, the most. The noise is taken to be
+that of the logs at hand.
 
 Source: G. C. Goodwin, R. L. Payne, Dynamic System Identification: Experiment Design and Data Analysis, 1977.
 """

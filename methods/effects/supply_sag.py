@@ -1,7 +1,9 @@
-"""Sag of the supply: the voltage that a given duty cycle yields falls with the current drawn.
+"""Sag of the supply: the voltage that a given duty cycle yields falls with the current drawn, or with the duty itself.
 
 Source: Rhoban, BAM: better actuator models for servo actuators, 2024 (supply measured under load).
 """
+
+from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter
 
@@ -22,3 +24,23 @@ EFFECT = Effect(
     starts=lambda s: [(0.02 / s.torque_rms,)],
     function=command,
 )
+
+
+def by_command(u, t, q, dq, w, p):
+    """u (1 - gain |u|)."""
+    return u * max(0.0, 1.0 - p[0] * abs(u))
+
+
+BY_COMMAND = replace(
+    EFFECT,
+    name="supply_sag_by_command",
+    kind="supply_sag",
+    parameters=(EffectParameter("gain", "1/command", "relative loss of voltage per commanded voltage", lower=0.0),),
+    equation=r"v_a = v\,(1 - g\,|v|)",
+    variable="command",
+    starts=lambda s: [(0.02 / s.command_rms,)],
+    excludes=(EFFECT.name,),
+    function=by_command,
+)
+"""As a simulator may have it that does not look at the current."""
+EFFECTS = (replace(EFFECT, excludes=(BY_COMMAND.name,)), BY_COMMAND)

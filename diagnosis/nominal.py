@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -22,6 +23,9 @@ TOLERANCE = 0.5
 """Share by which a stated time constant or inertia may be wrong (one standard deviation)."""
 
 
+Gravity = Literal["none", "constant", "pendulum"]
+
+
 @dataclass(frozen=True)
 class JointStructure:
     """What is known of a joint without any number: kind of drive and what gravity does to it.
@@ -36,7 +40,7 @@ class JointStructure:
 
     input: InputKind = "voltage"
     electrical: bool = True
-    gravity: str = "none"
+    gravity: Gravity = "none"
     viscous_share: float = 0.0
     electrical_time_constant: float | None = None
     inertia: float | None = None

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from diagnosis.nominal import JointStructure
+from diagnosis.nominal import Gravity, JointStructure
 from diagnosis.problem import smooth_derivatives
 from envs.compatibility import check_together, with_robot
 from envs.log import Array, Log, LogError
 from envs.log_files import load_with_findings
 from envs.robot import Robot, RobotError
 from envs.robots import find_robot
-from envs.scara import ScaraBody
 
 STILL = 20.0
 """A joint whose position stays within this many encoder steps is held still."""
 KEPT_APART = 0.25
 """Share of each log that is kept apart for the gain when no held-out log is given."""
+PLANAR_SHARE = 0.02
+"""How far a description's inertias may be from a planar arm's, as a share of what couples the joints."""
 PLANAR = 0.7
 """Share of the squared residual that the coupling of a planar pair has to leave at most."""
 SHORTEST = 400
@@ -142,22 +143,42 @@ def groups(logs: Sequence[Log], joints: tuple[int, ...], robot: Robot | None) ->
     """Joints that are modelled together: a planar pair, by the robot's description or by the logs; else each alone."""
     first, second = joints[:2] if len(joints) > 1 else (0, 0)
     if robot is not None:
-        paired = isinstance(robot.body, ScaraBody) and (first, second) == (1, 2)
+        paired = (first, second) == (1, 2) and is_planar_arm(robot, pose(logs[0], robot))
     else:
-        paired = len(joints) > 1 and any(is_planar_pair(log, first, second) for log in logs)
+        paired = len(joints) > 1 and any(planar_pair(log, first, second) is not None for log in logs)
     return [(first, second), *((joint,) for joint in joints[2:])] if paired else [(joint,) for joint in joints]
 
 
-def is_planar_pair(log: Log, first: int, second: int) -> bool:
-    """True when the second joint's angle changes how the joints' motions act on one another, as in an arm of two links.
+def is_planar_arm(robot: Robot, at: Array) -> bool:
+    """True when the description's first two joints turn about parallel axes, the second link on the first.
 
-    The command of each joint is regressed on its own motion and, linearly, on the other's; the arm's coupling terms
+    Around a pose `at` (n,), whatever both angles are: ``M11 = a + 2 p3 cos q2``, ``M12 = p2 + p3 cos q2``, ``M22 = c``.
+    """
+    if any(robot.joint(number).unit != "rad" for number in (1, 2)):
+        return False
+    angle = 2.0 * np.pi * np.arange(12) / 12
+    places = np.tile(at, (len(angle), 1))
+    places[:, 0], places[:, 1] = at[0] + 5.0 * angle, angle
+    matrix = robot.body.inertia_matrix(places)
+    wave = np.stack([np.ones(len(angle)), np.cos(angle)], axis=1)
+    sides = np.stack([matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1]], axis=1)
+    solution = np.linalg.lstsq(wave, sides, rcond=None)[0]
+    coupling = solution[1, 1]
+    model = wave @ np.array([[*solution[0]], [2.0 * coupling, coupling, 0.0]])
+    return bool(coupling != 0.0 and np.max(np.abs(sides - model)) < PLANAR_SHARE * abs(coupling))
+
+
+def planar_pair(log: Log, first: int, second: int) -> Gravity | None:
+    """What gravity does to an arm of two links, if the logs say that it is one; None where they do not.
+
+    In such an arm the second joint's angle changes how the joints' motions act on one another. The command of each
+    joint is regressed on its own motion, on gravity, and, linearly, on the other's motion; the arm's coupling terms
     ``cos q2 (2 q1'' + q2'') - sin q2 (2 q1' q2' + q2'^2)`` and ``cos q2 q1'' + sin q2 q1'^2`` have to explain a good
-    part of what is left, with the sign of an inertia.
+    part of what is left, with the sign of an inertia. There is gravity where it explains a good part in both joints.
     """
     columns = [log.index(first), log.index(second)]
     if any(log.facts[column].position_unit != "rad" for column in columns):
-        return False
+        return None
     position, command = log.position[:, columns], log.command[:, columns]
     seconds = max(0.03, 8 * log.sample_time)
     q, dq, ddq = smooth_derivatives(log.time, position, seconds)
@@ -167,19 +188,37 @@ def is_planar_pair(log: Log, first: int, second: int) -> bool:
         c * (2 * ddq[:, 0] + ddq[:, 1]) - s * (2 * dq[:, 0] * dq[:, 1] + dq[:, 1] ** 2),
         c * ddq[:, 0] + s * dq[:, 0] ** 2,
     )
-    inner = slice(len(q) // 50, -max(1, len(q) // 50))
+    both = q.sum(axis=1)
+    weight = [np.sin(q[:, 0]), np.cos(q[:, 0])], [np.sin(both), np.cos(both)]
+    inner, heavy = slice(len(q) // 50, -max(1, len(q) // 50)), True
     for j in range(2):
         own = [ddq[:, 0], ddq[:, 1], dq[:, 0], dq[:, 1], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12))]
-        plain = np.stack([*own, np.ones(len(q)), u[:, 1 - j]], axis=1)[inner]
-        full = np.column_stack([plain, coupling[j][inner]])
-        left = []
-        for matrix in (plain, full):
+        own += [np.ones(len(q)), u[:, 1 - j]]
+        pull = [*weight[0], *weight[1]] if j == 0 else weight[1]
+        left = {}
+        for name, terms in {
+            "apart": [*own, *pull],
+            "level": [*own, coupling[j]],
+            "arm": [*own, *pull, coupling[j]],
+        }.items():
+            matrix = np.stack(terms, axis=1)[inner]
             scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
             solution = np.linalg.lstsq(matrix / scale, u[inner, j], rcond=1e-8)[0] / scale
-            left.append(float(np.sum((u[inner, j] - matrix @ solution) ** 2)))
-        if solution[-1] <= 0.0 or left[1] > PLANAR * left[0]:
-            return False
-    return True
+            left[name] = float(np.sum((u[inner, j] - matrix @ solution) ** 2))
+        if solution[-1] <= 0.0 or left["arm"] > PLANAR * left["apart"]:
+            return None
+        heavy &= left["arm"] < PLANAR * left["level"]
+    return "pendulum" if heavy else "none"
+
+
+def joint_structures(logs: Sequence[Log], group: tuple[int, ...], robot: Robot | None) -> tuple[JointStructure, ...]:
+    """`structure` of every joint of a group; for a planar pair without a description the logs tell of gravity."""
+    known = tuple(structure(logs[0], joint, robot) for joint in group)
+    if len(group) < 2 or robot is not None:
+        return known
+    seen = (planar_pair(log, *group) for log in logs)
+    found: Gravity = next((kind for kind in seen if kind is not None), "none")
+    return tuple(replace(item, gravity=found) for item in known)
 
 
 def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:
@@ -225,7 +264,7 @@ def _middle(lower: float, upper: float) -> float:
     return 0.5 * (lower + upper) if np.isfinite(lower + upper) else 0.0
 
 
-def gravity_kind(robot: Robot, joint: int, at: Array) -> str:
+def gravity_kind(robot: Robot, joint: int, at: Array) -> Gravity:
     """What gravity does to a joint around a pose: ``none``, ``constant`` or ``pendulum``."""
     places = np.tile(at, (8, 1))
     turn = 2.0 * np.pi if robot.joint(joint).unit == "rad" else 0.1

@@ -31,9 +31,9 @@ from diagnosis.preparation import (
     Recordings,
     given_numbers,
     groups,
+    joint_structures,
     moving_joints,
     recordings,
-    structure,
 )
 from diagnosis.problem import LIMIT, Problem, in_band, segments, smooth_derivatives, stack
 from diagnosis.replay import input_equivalent, replay
@@ -276,7 +276,7 @@ def solve(
     name = f"joint {', '.join(map(str, group))}"
     kernel = build(compiled_with(effects))
     first = read.fitted[0]
-    structures = tuple(structure(first, number, read.robot) for number in group)
+    structures = joint_structures(read.fitted, group, read.robot)
     problem = stack(kernel, read.fitted, group, pair=len(group) > 1)
     held_out = stack(kernel, read.held_out, group, pair=len(group) > 1)
     problem, held_out = settle_stamps(problem, held_out, structures)

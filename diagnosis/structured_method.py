@@ -18,7 +18,7 @@ from diagnosis.estimation import Fitted
 from diagnosis.extension import Extension, extended_model
 from diagnosis.nominal import JointStructure
 from diagnosis.parameters import joint_units
-from diagnosis.preparation import groups, structure
+from diagnosis.preparation import groups, joint_structures
 from diagnosis.problem import Problem, stack
 from envs.log import Array, JointFacts, Log
 from envs.robot import Robot, RobotError
@@ -65,7 +65,7 @@ class StructuredMethod(Method):
         robot = _robot(logs[0])
         extensions, settled, values = [], [], []
         for group in groups(logs, joints, robot):
-            structures = tuple(structure(logs[0], joint, robot) for joint in group)
+            structures = joint_structures(logs, group, robot)
             problem = stack(kernel, logs, group, pair=len(group) > 1)
             facts = [logs[0].facts[logs[0].index(joint)] for joint in group]
             measures = tuple(

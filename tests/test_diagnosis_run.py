@@ -26,8 +26,9 @@ from diagnosis.preparation import (
     arrange,
     given_numbers,
     groups,
-    is_planar_pair,
+    joint_structures,
     moving_joints,
+    planar_pair,
     structure,
 )
 from diagnosis.problem import DIVERGED, stack
@@ -215,11 +216,19 @@ def test_planar_pair_is_recognised_in_the_logs() -> None:
         StructuredModel((first, second), DT, PlanarCoupling(0.025, 1.2, second.nominal["inertia"] / 1.2)), 1
     )
     apart = recorded(StructuredModel((first, second), DT), 1)
-    assert is_planar_pair(pair, 1, 2)
-    assert not is_planar_pair(apart, 1, 2)
+    assert planar_pair(pair, 1, 2) == "none"
+    assert planar_pair(apart, 1, 2) is None
     assert groups([pair], (1, 2), None) == [(1, 2)]
     assert groups([apart], (1, 2), None) == [(1,), (2,)]
     assert groups([apart], (1, 2), adept_robot()) == [(1, 2)]
+    hanging = [
+        replace(part, nominal={**part.nominal, "gravity_sine": size}) for part, size in ((first, 0.8), (second, 0.2))
+    ]
+    coupling = PlanarCoupling(0.025, 1.2, second.nominal["inertia"] / 1.2)
+    heavy = recorded(StructuredModel(tuple(hanging), DT, coupling), 1)
+    assert planar_pair(heavy, 1, 2) == "pendulum"
+    assert [item.gravity for item in joint_structures([heavy], (1, 2), None)] == ["pendulum", "pendulum"]
+    assert [item.gravity for item in joint_structures([pair], (1, 2), None)] == ["none", "none"]
 
 
 def test_what_the_robot_says_of_a_joint() -> None:

@@ -50,6 +50,12 @@ STEADY = 0.5
 """Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
 CLEARED = 0.1
 """What may stay unexplained, as a share of what a small effect explains, for it to be more than a repair of a law."""
+PERIODS = 1.5
+"""Periods of a wave that the logs have to show, where other torques of the position are there as well."""
+VAGUE = 0.02
+"""Relative deviation of a wave's length from which it is no finding of its own."""
+CANCELLING = 0.25
+"""Sum of torques of the position, as a share of the largest, below which they only describe another law."""
 WORST: tuple[Verdict, ...] = ("unknown", "ambiguous", "named", "none")
 """Verdicts of several joints: the first that any of them has is that of all."""
 
@@ -756,6 +762,36 @@ def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
     return fit(problem, point, rounds=2, iterations=4, tolerance=1e-4)
 
 
+def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted]) -> bool:
+    """Whether torques of the position alone make up a law that none of them is.
+
+    A line, a sine of the angle and a piece of a wave are an expansion of any smooth torque: they then nearly cancel, or
+    the wave shows for less than PERIODS and its length stays VAGUE.
+    """
+    deviation = dict(zip((f.name for f in final.point.free), np.sqrt(np.diag(final.covariance)), strict=True))
+    for j in range(problem.joints):
+        parts = [
+            item.effect
+            for item in accepted
+            if item.joint == j and (item.effect.variable, item.effect.slot) == ("position", "torque")
+        ]
+        if len(parts) < 2:
+            continue
+        row, reading = final.point.parameters[0, j], problem.reading[problem.used, j]
+        for effect in parts:
+            if effect.scan == "position":
+                cycles = row[problem.kernel.column(effect, "cycles_per_rev")]
+                vague = deviation.get(f"{effect.name}.cycles_per_rev@{j}", 0.0) > VAGUE * cycles
+                if vague and cycles * np.ptp(reading) < 2.0 * np.pi * PERIODS:
+                    return True
+        places = np.quantile(reading, np.linspace(0.0, 1.0, 200)).tolist()
+        laws = [(effect.function, row[problem.kernel.own(effect)].tolist()) for effect in parts]
+        torques = np.array([[law(0.0, q, 0.0, 0.0, [], p) for q in places] for law, p in laws if law is not None])
+        if np.std(torques.sum(axis=0)) < CANCELLING * np.max(np.std(torques, axis=1)):
+            return True
+    return False
+
+
 def verdict(
     problem: Problem,
     nominal: Fitted,
@@ -774,6 +810,8 @@ def verdict(
     for r, limit in zip(left, problem.command_limits or (0.0,) * len(left), strict=True):
         if r.disturbance_share > settings.disturbance and r.disturbance > settings.amplifier * limit:
             return "unknown"
+    if patchwork(problem, final, accepted):
+        return "unknown"
     if any(item.rivals for item in accepted):
         return "ambiguous"
     return "named" if accepted else "none"

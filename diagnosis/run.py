@@ -17,7 +17,7 @@ import numpy as np
 from scipy.signal import welch
 
 from diagnosis.compensator import compensators
-from diagnosis.engine import WORST, Accepted, Finding, Settings, find
+from diagnosis.engine import WORST, Accepted, Finding, Settings, find, patchwork
 from diagnosis.estimation import Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
 from diagnosis.isolability import isolability
@@ -170,6 +170,8 @@ def diagnose(
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
         findings += [said for j in range(len(group)) if (said := timing_said(solved, j))]
+        if patchwork(solved.problem, solved.finding.final, solved.finding.accepted):
+            findings.append(f"joint {', '.join(map(str, group))}: {PATCHWORK}")
         findings += [failure_said(group[j], times) for j, times in solved.failing.items()]
         inputs = tuple(structure_.input for structure_ in solved.structures)
         extensions.append(
@@ -210,6 +212,12 @@ def timing_said(solved: Solved, j: int) -> str:
     if euler:
         said.append("the motion is that of a simulator with one semi-implicit Euler step per sample")
     return f"joint {solved.joints[j]}: {'; '.join(said)}; the model takes that into account" if said else ""
+
+
+PATCHWORK = (
+    "the named torques of the position nearly cancel, or show a part of a wave only: together they describe a smooth "
+    "torque of the position that is none of them"
+)
 
 
 def failure_said(joint: int, times: float) -> str:

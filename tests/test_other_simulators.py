@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,14 @@ Friction = Callable[[float], float]
 
 
 def record(
-    seed: int, friction: Friction, *, steps: int, late: int = 0, noise: float = 1e-5, seconds: float = 12.0
+    seed: int,
+    friction: Friction,
+    *,
+    steps: int,
+    late: int = 0,
+    noise: float = 1e-5,
+    seconds: float = 12.0,
+    spring: Callable[[float], float] = lambda q: 0.0,
 ) -> Log:
     """A torque-driven joint by semi-implicit Euler steps, so many per sample; the command acts `late` samples later."""
     rng = np.random.default_rng(seed)
@@ -35,7 +43,7 @@ def record(
         reading[k] = q
         u = float(command[max(k - late, 0)])
         for _ in range(steps):
-            w += h * (u - VISCOUS * w - friction(w)) / INERTIA
+            w += h * (u - VISCOUS * w - friction(w) - spring(q)) / INERTIA
             q += h * w
     reading += noise * rng.standard_normal(len(time))
     facts = JointFacts(input="torque", position_unit="rad")
@@ -70,7 +78,7 @@ def diagnosed_in_mujoco(joint: str, **how: float) -> Finding:
     return find(stack(build(EFFECTS), logs, (1,)), (JointStructure(input="torque", electrical=False),), EFFECTS)
 
 
-def diagnosed(friction: Friction, **how: int) -> Finding:
+def diagnosed(friction: Friction, **how: Any) -> Finding:
     logs = [record(seed, friction, **how) for seed in (0, 1)]
     return find(stack(build(EFFECTS), logs, (1,)), (JointStructure(input="torque", electrical=False),), EFFECTS)
 
@@ -86,6 +94,19 @@ def free(finding: Finding, name: str) -> float:
 def joint(**recording: float) -> StructuredModel:
     nominal = {"inertia": INERTIA, "viscous": VISCOUS, **recording}
     return StructuredModel((StructuredJoint(1, "torque", nominal, {}),), DT, None, EFFECTS)
+
+
+@pytest.mark.parametrize("stiffness", [2.0, 6.0])
+def test_a_cubic_spring_is_no_sum_of_known_torques(stiffness: float) -> None:
+    found = diagnosed(lambda w: 0.0, steps=4, spring=lambda q: stiffness * q**3)
+    assert found.verdict == "unknown"
+    assert names(found)
+
+
+def test_a_spring_beside_waves_that_the_logs_show_is_named() -> None:
+    found = diagnosed(lambda w: 0.0, steps=4, spring=lambda q: 0.5 * (q - 0.2) + 0.1 * math.sin(12.0 * q + 0.5))
+    assert set(names(found)) == {"cable_spring", "cogging_torque"}
+    assert found.verdict == "named"
 
 
 def test_dry_friction_that_differs_by_direction_is_not_told_from_an_offset() -> None:

@@ -93,7 +93,7 @@ class Drive:
 
     command: what the log's command column holds (`voltage`: V, `current`: A, `torque`: N m or N).
     amplifier: what the amplifier sets in proportion to the command: terminal voltage, motor current, joint torque.
-    amplifier_gain: amplifier output per unit of command.
+    amplifier_gain: amplifier output per unit of command, 1 unless stated.
     gear_ratio: rotor angle per joint coordinate [1, or rad/m for a screw]; 1 for a direct drive.
     rotor_inertia: of a rotor that spins on its own axis; the joint feels gear_ratio^2 times as much. The rotor of a
         direct drive is bolted to its link: it belongs to the link's inertia and is 0 here.
@@ -103,7 +103,7 @@ class Drive:
     """
 
     amplifier: InputKind
-    amplifier_gain: Quantity
+    amplifier_gain: Quantity = field(default_factory=lambda: _absent(1.0, ""))
     command: InputKind = "voltage"
     resistance: Quantity = field(default_factory=lambda: _absent(0.0, "ohm"))
     inductance: Quantity = field(default_factory=lambda: _absent(0.0, "H"))
@@ -162,8 +162,8 @@ class Joint:
     name: str
     kind: JointKind
     drive: Drive
-    lower: Quantity
-    upper: Quantity
+    lower: Quantity = field(default_factory=lambda: _absent(-math.inf, ""))
+    upper: Quantity = field(default_factory=lambda: _absent(math.inf, ""))
     encoder_step: Quantity | None = None
     speed_limit: Quantity | None = None
 
@@ -338,9 +338,7 @@ def load_robot(path: str | Path) -> Robot:
     except FileNotFoundError:
         raise RobotError("no such file", remedy="Give the path of a robot description", source=str(path)) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RobotError(
-            f"not a TOML file ({error})", remedy="See `load_robot` for the layout", source=str(path)
-        ) from None
+        raise RobotError(f"not a TOML file ({error})", remedy="docs/robots.md shows one", source=str(path)) from None
     try:
         return parse_robot(content, path.parent)
     except RobotError as error:
@@ -424,7 +422,7 @@ def _parse_body(
 
 def _need(table: Mapping[str, Any], name: str, where: str = "the description") -> Any:
     if name not in table:
-        raise RobotError(f"{where} has no entry {name}", remedy="See `load_robot` for the layout")
+        raise RobotError(f"{where} has no entry {name}", remedy="docs/robots.md shows one")
     return table[name]
 
 

@@ -71,3 +71,19 @@ def test_impossible_bodies(old: str, new: str, tmp_path: Path) -> None:
         find_robot(path).inertia_matrix(np.zeros(1))
     assert "\n" not in str(caught.value)
     assert "arm." in str(caught.value)
+
+
+def test_the_documented_description_works_as_written(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[1] / "docs" / "robots.md").read_text(encoding="utf-8")
+    (tmp_path / "arm.toml").write_text(page.split("```toml\n")[1].split("```")[0])
+    (tmp_path / "arm.xml").write_text(
+        """<mujoco><worldbody><body name="upper"><joint name="shoulder" type="hinge" axis="0 1 0"/>
+        <inertial pos="0 0 -0.2" mass="2.0" diaginertia="0.03 0.03 0.03"/>
+        <body name="fore" pos="0 0 -0.4"><joint name="elbow" type="hinge" axis="0 1 0"/>
+        <inertial pos="0 0 -0.15" mass="1.0" diaginertia="0.01 0.01 0.01"/></body></body></worldbody></mujoco>"""
+    )
+    robot = find_robot(str(tmp_path / "arm.toml"))
+    assert [robot.facts(joint).input for joint in (1, 2)] == ["voltage", "torque"]
+    assert robot.input_equivalent(1) == pytest.approx(1.2 / 2.5)
+    assert robot.joint(1).drive.resistance.uncertainty == 0.1
+    assert robot.joint(2).upper.value == np.inf

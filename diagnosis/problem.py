@@ -15,6 +15,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from envs.log import Array, Log
+from envs.log_statistics import quantisation_step
 from methods.effects.base import Scales
 from methods.kernel import NOMINAL, Kernel
 
@@ -250,33 +251,20 @@ def smooth_derivatives(time: Array, reading: Array, seconds: float) -> tuple[Arr
     return parts[0], parts[1], parts[2]
 
 
-def estimated_step(reading: Array) -> float:
-    """Resolution of a reading: the smallest non-zero difference between neighbouring distinct values (0 if
-    continuous)."""
-    values = np.unique(reading)
-    if len(values) < 3:
-        return 0.0
-    gaps = np.diff(values)
-    step = float(np.min(gaps[gaps > 1e-12 * max(1.0, np.ptp(values))], initial=np.inf))
-    if not np.isfinite(step):
-        return 0.0
-    share = np.mean(np.abs(gaps / step - np.round(gaps / step)) < 0.05)
-    return step if share > 0.9 else 0.0
-
-
 def bounded(error: Array) -> Array:
     """Errors, changed in place: those of a simulation that ran away are DIVERGED."""
     np.nan_to_num(error, copy=False, nan=DIVERGED, posinf=DIVERGED, neginf=-DIVERGED)
     return np.clip(error, -DIVERGED, DIVERGED, out=error)
 
 
-def dithered(reading: Array) -> Array:
-    """Continuous readings (T, n) with a little noise, which no sensor is free of.
+def dithered(readings: Sequence[Array]) -> Array:
+    """Continuous readings of every log (T, n), one after the other, with a little noise, which no sensor is free of.
 
     Simulators write logs without any. Whatever a model misses is then infinitely more than noise, and what it predicts
     to the last bit has no likelihood.
     """
-    size = DITHER * np.std(np.diff(reading, axis=0), axis=0)
+    size = DITHER * np.std(np.concatenate([np.diff(reading, axis=0) for reading in readings]), axis=0)
+    reading = np.concatenate(readings)
     return reading + size * np.random.default_rng(0).standard_normal(reading.shape)
 
 
@@ -321,16 +309,16 @@ def stack(
                 near[:, i, 1] = smooth[1][:, other]
                 near[:, i, 2] = log.command[:, other]
             others.append(near)
-    reading = np.concatenate(readings)
     first = parts[0]
     facts = [first.facts[first.index(joint)] for joint in joints]
     dt = first.sample_time
-    step = facts[0].encoder_step or estimated_step(reading[:, 0])
+    found = (quantisation_step(reading[:, 0]) for reading in readings)
+    step = facts[0].encoder_step or next((item for item in found if item is not None), 0.0)
     return Problem(
         kernel=kernel,
         time=np.concatenate(times),
         command=np.ascontiguousarray(np.concatenate(commands)),
-        reading=np.ascontiguousarray(reading if step else dithered(reading)),
+        reading=np.ascontiguousarray(np.concatenate(readings) if step else dithered(readings)),
         bounds=np.cumsum([0, *(len(part) for part in parts)]),
         hold=np.array([0 if fact.hold == "zero_order" else 1 for fact in facts], dtype=np.int64),
         neighbour=np.concatenate(others) if others else np.zeros((0, len(joints), 3)),

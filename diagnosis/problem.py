@@ -312,13 +312,16 @@ def stack(
     first = parts[0]
     facts = [first.facts[first.index(joint)] for joint in joints]
     dt = first.sample_time
-    found = (quantisation_step(reading[:, 0]) for reading in readings)
-    step = facts[0].encoder_step or next((item for item in found if item is not None), 0.0)
+    steps = [
+        fact.encoder_step
+        or next((step for part in readings if (step := quantisation_step(part[:, j])) is not None), 0.0)
+        for j, fact in enumerate(facts)
+    ]
     return Problem(
         kernel=kernel,
         time=np.concatenate(times),
         command=np.ascontiguousarray(np.concatenate(commands)),
-        reading=np.ascontiguousarray(np.concatenate(readings) if step else dithered(readings)),
+        reading=np.ascontiguousarray(np.where(np.array(steps) > 0.0, np.concatenate(readings), dithered(readings))),
         bounds=np.cumsum([0, *(len(part) for part in parts)]),
         hold=np.array([0 if fact.hold == "zero_order" else 1 for fact in facts], dtype=np.int64),
         neighbour=np.concatenate(others) if others else np.zeros((0, len(joints), 3)),
@@ -327,7 +330,7 @@ def stack(
         leak=min(30.0, 0.1 / dt),
         rate_leak=0.0,
         burn_in=0.25 if burn_in is None else burn_in,
-        encoder_step=step,
+        encoder_step=steps[0],
         revolute=facts[0].position_unit == "rad",
         names=tuple(part.name for part in parts),
         command_limits=tuple(fact.command_limit or 0.0 for fact in facts),

@@ -477,3 +477,22 @@ def test_the_response_to_a_torque_is_taken_where_the_joint_moves() -> None:
     held = fit(problem, extend(problem, nominal.point, Hypothesis(NAMED["coulomb_friction"], 0), np.array([[0.5]])))
     assert np.max(np.abs(adjoint(problem, held, 0).response)) > 0.0
     assert remainder(problem, held, 0).disturbance_share < 1.0
+
+
+def test_readings_of_simulators_get_the_noise_of_their_motion_wherever_the_logs_begin() -> None:
+    time = 1e-3 * np.arange(4000)
+    position = 0.2 * np.sin(3.0 * time)
+    logs = [Log(time, np.cos(time), position + begin, (1,), name="a") for begin in (0.0, 40.0)]
+    problem = stack(KERNEL, logs, (1,))
+    noise = problem.reading[:, 0] - np.concatenate([log.position[:, 0] for log in logs])
+    assert problem.encoder_step == 0.0
+    assert np.std(noise) == pytest.approx(0.02 * np.std(np.diff(position)), rel=0.05)
+
+
+def test_a_fine_encoder_is_seen_on_a_long_way() -> None:
+    time, step = 5e-3 * np.arange(4000), 2.0 * np.pi / 524288
+    position = step * np.round(4.0 * np.cumsum(np.random.default_rng(0).standard_normal(4000)) * 5e-3 / step)
+    text = np.array([float(f"{value:.9g}") for value in position])
+    problem = stack(KERNEL, [Log(time, np.cos(time), text, (1,), name="a")], (1,))
+    assert problem.encoder_step == pytest.approx(step, rel=1e-4)
+    assert np.array_equal(problem.reading[:, 0], text)

@@ -311,7 +311,7 @@ def stack(
             others.append(near)
     first = parts[0]
     facts = [first.facts[first.index(joint)] for joint in joints]
-    dt = first.sample_time
+    dt = max(part.sample_time for part in parts)
     steps = [
         fact.encoder_step
         or next((step for part in readings if (step := quantisation_step(part[:, j])) is not None), 0.0)

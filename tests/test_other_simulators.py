@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from diagnosis.engine import Finding, find
-from diagnosis.nominal import JointStructure
+from diagnosis.estimation import fit
+from diagnosis.hypotheses import Hypothesis, extend
+from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.preparation import groups, joint_structures
 from diagnosis.problem import stack
 from envs.log import JointFacts, Log
+from envs.robots import find_robot
 from methods.base import State
 from methods.effects import built_in
 from methods.kernel import NOMINAL, build
@@ -207,3 +212,61 @@ def test_a_log_without_any_noise() -> None:
     finding = diagnosed_in_mujoco('stiffness="0.3"', timestep=1e-3, skip=2, noise=0.0)
     assert (finding.verdict, names(finding)) == ("named", ["cable_spring"])
     assert free(finding, "cable_spring.stiffness") == pytest.approx(0.3, rel=1e-3)
+
+
+TWO_LINKS = """<mujoco><option timestep="0.001" integrator="RK4"/><worldbody>
+  <body><joint name="shoulder" axis="0 1 0" damping="0.25"/>
+  <inertial pos="0 0 -0.15" mass="1.5" diaginertia="0.012 0.012 0.002"/>
+  <body pos="0 0 -0.3"><joint name="elbow" axis="0 1 0" damping="0.08"/>
+  <inertial pos="0 0 -0.12" mass="0.8" diaginertia="0.005 0.005 0.001"/></body></body></worldbody>
+  <actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator></mujoco>"""
+DESCRIPTION = """
+name = "two links"
+body.file = "arm.xml"
+[drive]
+amplifier = "torque"
+command = "torque"
+[[joint]]
+name = "shoulder"
+kind = "revolute"
+[[joint]]
+name = "elbow"
+kind = "revolute"
+"""
+
+
+def two_links(seed: int, friction: float) -> Log:
+    """A double pendulum in MuJoCo, driven in both joints, with dry friction in the second."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(TWO_LINKS)
+    data, rng, dt = mujoco.MjData(model), np.random.default_rng(seed), 4e-3
+    time = dt * np.arange(1500)
+    waves = np.outer(time, np.linspace(0.2, 4.0, 12) * (1.0 + 0.07 * seed))
+    command = np.stack([a * np.cos(2 * np.pi * waves + rng.uniform(0, 6.28, 12)).sum(axis=1) for a in (0.9, 0.25)], 1)
+    reading = np.empty((len(time), 2))
+    for k, u in enumerate(command):
+        reading[k], data.ctrl = data.qpos, u
+        for _ in range(4):
+            data.qfrc_applied[1] = -friction * math.tanh(data.qvel[1] / 0.02)
+            mujoco.mj_step(model, data)
+    step = 2.0 * np.pi / 65536
+    facts = (JointFacts(input="torque", position_unit="rad", encoder_step=step),) * 2
+    return Log(time, command, step * np.round(reading / step), (1, 2), facts=facts, name=f"log {seed}")
+
+
+def test_two_links_are_one_arm_in_which_the_joint_with_friction_is_told(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(TWO_LINKS)
+    (tmp_path / "arm.toml").write_text(DESCRIPTION)
+    robot, logs = find_robot(str(tmp_path / "arm.toml")), [two_links(0, 0.15)]
+    for known in (robot, None):
+        assert groups(logs, (1, 2), known) == [(1, 2)]
+        assert [item.gravity for item in joint_structures(logs, (1, 2), known)] == ["pendulum", "pendulum"]
+    problem = stack(build(EFFECTS), logs, (1, 2), pair=True)
+    point = fit_nominal(problem, joint_structures(logs, (1, 2), robot)).point
+    friction = next(effect for effect in EFFECTS if effect.name == "rounded_coulomb_friction")
+    for joint in (0, 1):
+        point = extend(problem, point, Hypothesis(friction, joint), np.array([[0.02, 0.02]]))
+    fitted = fit(problem, point, rounds=2, iterations=8)
+    torque = [fitted.point.value(f"{friction.name}.torque@{joint}") for joint in (0, 1)]
+    assert torque == pytest.approx([0.0, 0.15], abs=0.003)

@@ -81,16 +81,16 @@ def command(
 
 def read_seeds(text: str) -> tuple[int, ...]:
     """Seeds from text: ``5`` is 0 to 4, ``2-4`` a range, ``1,3`` a list. Raises RegistryError for anything else."""
+    found: list[int] = []
     try:
-        if text.strip().isdigit():
-            return tuple(range(int(text)))
-        found: list[int] = []
-        for part in text.split(","):
+        for part in [f"0-{int(text) - 1}"] if text.strip().isdigit() else text.split(","):
             first, dash, last = part.partition("-")
             found += range(int(first), int(last if dash else first) + 1)
-        return tuple(dict.fromkeys(found))
     except ValueError:
-        raise RegistryError(f"seeds are {text!r}. Write how many (5), a range (0-4) or a list (1,3)") from None
+        found = []
+    if not found:
+        raise RegistryError(f"seeds are {text!r}. Write how many (5), a range (0-4) or a list (1,3)")
+    return tuple(dict.fromkeys(found))
 
 
 def run_cells(

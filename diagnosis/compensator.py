@@ -14,7 +14,7 @@ import numpy as np
 from diagnosis.engine import Finding
 from diagnosis.ledger import WINDOW, resampled
 from diagnosis.problem import Problem, stack
-from diagnosis.replay import in_blocks, input_equivalent, replay, rms, transfer
+from diagnosis.replay import in_blocks, input_equivalent, replay, rms, transfer, window_width
 from envs.log import Log
 from methods.closed_form_gradient import ClosedFormGradient
 from methods.network_training import train_network
@@ -54,7 +54,7 @@ def compensators(
         network, _, _ = train_network(inputs, -residual[rows, j], TWO_SIGNALS, HIDDEN_NODES, trainer, True, rng)
         networks.append(network)
     before, after = replay(judged, own[1], WINDOW), replay(judged, own[1], WINDOW, networks)
-    width = max(8, round(WINDOW / judged.sample_time))
+    width = window_width(WINDOW, judged.sample_time)
     kept: list[TwoLayerNetwork | None] = []
     for j, candidate in enumerate(networks):
         blocks = np.array([in_blocks(item.windows[:, j], judged.bounds, width) for item in (before, after)])

@@ -566,19 +566,17 @@ def disguised(
 ) -> Accepted:
     """The effect with those forms of it among its rivals that beside another effect are the same to any log.
 
-    Dry friction that differs between the directions is dry friction and an offset.
+    Dry friction that differs between the directions is dry friction and an offset. The first parameters are compared.
     """
-    amount = lambda fitted, effect: (  # noqa: E731
-        np.abs(fitted.point.parameters[:, item.joint, problem.kernel.column(effect, "torque")]).max()
-    )
+    size = lambda effect: np.abs(  # noqa: E731
+        base.point.parameters[:, item.joint, problem.kernel.offsets[effect.name]]
+    ).max()
     for effect in effects:
         bearers = [other.effect for other in accepted if other.label in effect.beside and other.joint == item.joint]
-        if item.name not in effect.includes or not bearers:
+        if item.name not in effect.includes or size(item.effect) > sum(map(size, bearers)):
             continue
-        smaller = without(problem, base, item)
-        for rival in try_all(problem, smaller, [(effect, item.joint)])[:1]:
-            there = sum(amount(rival.fitted, bearer) for bearer in bearers)
-            if rival.fitted.criterion < base.criterion + settings.rival and 0.5 * amount(rival.fitted, effect) <= there:
+        for rival in try_all(problem, without(problem, base, item), [(effect, item.joint)])[:1]:
+            if rival.fitted.criterion < base.criterion + settings.rival:
                 item = replace(item, rivals=(*item.rivals, rival))
     return item
 

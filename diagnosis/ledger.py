@@ -14,7 +14,17 @@ from scipy.stats import chi2
 from diagnosis.engine import Finding, without
 from diagnosis.estimation import Fitted, Point
 from diagnosis.problem import DIVERGED, Problem
-from diagnosis.replay import Replay, in_blocks, input_equivalent, noise_floor, replay, rms, transfer, with_phases
+from diagnosis.replay import (
+    Replay,
+    in_blocks,
+    input_equivalent,
+    noise_floor,
+    replay,
+    rms,
+    transfer,
+    window_width,
+    with_phases,
+)
 from diagnosis.result import Gap, LedgerRow
 from envs.log import Array
 from methods.kernel import NOMINAL
@@ -92,11 +102,13 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, step: Step) 
         item.effect.scan == "event" or item.label in UNSEEN for item in finding.accepted
     ):
         return {}
-    width, found = max(8, round(WINDOW / held_out.sample_time)), {}
+    width, found = window_width(WINDOW, held_out.sample_time), {}
     for j in range(problem.joints):
         blocks = in_blocks(step.replay.windows[:, j], held_out.bounds, width)
-        times = float(np.sqrt(np.mean(blocks))) / floor_of(problem, finding, j) if len(blocks) else 0.0
-        if times**2 > max(BEYOND**2, float(chi2.isf(CHANCE, max(len(blocks), 1))) / max(len(blocks), 1)):
+        if not len(blocks):
+            continue
+        times = float(np.sqrt(np.mean(blocks))) / floor_of(problem, finding, j)
+        if times**2 > max(BEYOND**2, chi2.isf(CHANCE, len(blocks)) / len(blocks)):
             found[j] = times
     return found
 
@@ -105,7 +117,7 @@ def rows(
     held_out: Problem, found: list[Step], j: int, joint: int, floor: float, rng: np.random.Generator
 ) -> list[LedgerRow]:
     """The ledger of joint index j, numbered `joint` on the robot."""
-    width = max(8, round(WINDOW / held_out.sample_time))
+    width = window_width(WINDOW, held_out.sample_time)
     blocks = np.array([in_blocks(step.replay.windows[:, j], held_out.bounds, width) for step in found])
     base = next(i for i, step in enumerate(found) if step.role == "nominal")
     draws = resampled(blocks, rng)
@@ -143,7 +155,7 @@ def gap(
     held_out: Problem, found: list[Step], j: int, joint: int, unit: str, floor: float, on: str, rng: np.random.Generator
 ) -> Gap:
     """The gain of all named effects over the refitted nominal model for joint index j."""
-    width = max(8, round(WINDOW / held_out.sample_time))
+    width = window_width(WINDOW, held_out.sample_time)
     base = next(step for step in found if step.role == "nominal")
     last = next(step for step in reversed(found) if step.role in ("nominal", "effect"))
     blocks = np.array([in_blocks(step.replay.windows[:, j], held_out.bounds, width) for step in (base, last)])

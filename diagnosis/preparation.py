@@ -145,7 +145,7 @@ def groups(logs: Sequence[Log], joints: tuple[int, ...], robot: Robot | None) ->
     if robot is not None:
         paired = (first, second) == (1, 2) and is_planar_arm(robot, pose(logs[0], robot))
     else:
-        paired = len(joints) > 1 and any(planar_pair(log, first, second) is not None for log in logs)
+        paired = len(joints) > 1 and arm_gravity(logs, first, second) is not None
     return [(first, second), *((joint,) for joint in joints[2:])] if paired else [(joint,) for joint in joints]
 
 
@@ -166,6 +166,12 @@ def is_planar_arm(robot: Robot, at: Array) -> bool:
     coupling = solution[1, 1]
     model = wave @ np.array([[*solution[0]], [2.0 * coupling, coupling, 0.0]])
     return bool(coupling != 0.0 and np.max(np.abs(sides - model)) < PLANAR_SHARE * abs(coupling))
+
+
+def arm_gravity(logs: Sequence[Log], first: int, second: int) -> Gravity | None:
+    """What gravity does to an arm of two links, by the first log that says that it is one; None where none does."""
+    seen = (planar_pair(log, first, second) for log in logs)
+    return next((kind for kind in seen if kind is not None), None)
 
 
 def planar_pair(log: Log, first: int, second: int) -> Gravity | None:
@@ -191,23 +197,22 @@ def planar_pair(log: Log, first: int, second: int) -> Gravity | None:
     both = q.sum(axis=1)
     weight = [np.sin(q[:, 0]), np.cos(q[:, 0])], [np.sin(both), np.cos(both)]
     inner, heavy = slice(len(q) // 50, -max(1, len(q) // 50)), True
+
+    def regression(terms: list[Array], target: Array) -> tuple[float, float]:
+        """Coefficient of the last term, and the sum of squares that is left."""
+        matrix = np.stack(terms, axis=1)[inner]
+        scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
+        solution = np.linalg.lstsq(matrix / scale, target[inner], rcond=1e-8)[0] / scale
+        return float(solution[-1]), float(np.sum((target[inner] - matrix @ solution) ** 2))
+
     for j in range(2):
         own = [ddq[:, 0], ddq[:, 1], dq[:, 0], dq[:, 1], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12))]
         own += [np.ones(len(q)), u[:, 1 - j]]
         pull = [*weight[0], *weight[1]] if j == 0 else weight[1]
-        left = {}
-        for name, terms in {
-            "apart": [*own, *pull],
-            "level": [*own, coupling[j]],
-            "arm": [*own, *pull, coupling[j]],
-        }.items():
-            matrix = np.stack(terms, axis=1)[inner]
-            scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
-            solution = np.linalg.lstsq(matrix / scale, u[inner, j], rcond=1e-8)[0] / scale
-            left[name] = float(np.sum((u[inner, j] - matrix @ solution) ** 2))
-        if solution[-1] <= 0.0 or left["arm"] > PLANAR * left["apart"]:
+        inertia, arm = regression([*own, *pull, coupling[j]], u[:, j])
+        if inertia <= 0.0 or arm > PLANAR * regression([*own, *pull], u[:, j])[1]:
             return None
-        heavy &= left["arm"] < PLANAR * left["level"]
+        heavy &= arm < PLANAR * regression([*own, coupling[j]], u[:, j])[1]
     return "pendulum" if heavy else "none"
 
 
@@ -216,9 +221,8 @@ def joint_structures(logs: Sequence[Log], group: tuple[int, ...], robot: Robot |
     known = tuple(structure(logs[0], joint, robot) for joint in group)
     if len(group) < 2 or robot is not None:
         return known
-    seen = (planar_pair(log, *group) for log in logs)
-    found: Gravity = next((kind for kind in seen if kind is not None), "none")
-    return tuple(replace(item, gravity=found) for item in known)
+    gravity = arm_gravity(logs, *group) or "none"
+    return tuple(replace(item, gravity=gravity) for item in known)
 
 
 def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:

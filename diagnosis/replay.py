@@ -47,6 +47,11 @@ class Replay:
     microseconds: float
 
 
+def window_width(seconds: float, sample_time: float) -> int:
+    """Samples of a window of free simulation."""
+    return max(8, round(seconds / sample_time))
+
+
 def transfer(problem: Problem, point: Point) -> Point:
     """A point fitted on other logs, made ready for these: what holds for all logs stays, initial states are new.
 
@@ -125,7 +130,7 @@ def replay(
         model = (point.parameters[log], point.switches, problem.pair, point.rigid)
         count = b - a
         first = int(np.searchsorted(signals[0] - signals[0][0], problem.burn_in))
-        width = max(8, round(window / problem.sample_time))
+        width = window_width(window, problem.sample_time)
         begins = [*range(first, count - width + 1, width)] or [first]
 
         extra = np.zeros((count if any(compensators) else 0, n))
@@ -207,7 +212,7 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
     where q0, v0 are the corrections of the initial state.
     """
     rng = np.random.default_rng(0)
-    dt, width = problem.sample_time, max(8, round(window / problem.sample_time))
+    dt, width = problem.sample_time, window_width(window, problem.sample_time)
     count = max(40 * width, 20_000)
     error = rng.standard_normal(count) * innovation
     if coloured:

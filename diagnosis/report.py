@@ -40,7 +40,7 @@ PAIRS = 8
 MEANING = {
     "none": "The model is good: what the refitted nominal model leaves is noise, and no known effect would improve it.",
     "named": "Every named effect is significant, and no other known effect can take its place.",
-    "ambiguous": "An effect is missing, but these logs cannot tell the listed names apart; the next experiment would.",
+    "ambiguous": "An effect is missing, but these logs cannot tell the listed names apart.",
     "unknown": "Something real is left that no known effect explains; the signals that it depends on are stated.",
 }
 

@@ -252,7 +252,11 @@ class NextExperiment:
 
 @dataclass(frozen=True, eq=False)
 class JointResult:
-    """Everything about one joint. refused: the hypotheses that were tried last and not accepted, best first."""
+    """Everything about one joint.
+
+    refused: the hypotheses that were tried last and not accepted, best first. fails_by: how many times what noise
+    accounts for the model errs on data that nobody fitted, where only that says that it is wrong.
+    """
 
     joint: int
     input: InputKind
@@ -271,6 +275,7 @@ class JointResult:
     confusable: tuple[Confusable, ...] = ()
     partial_residuals: tuple[PartialResidual, ...] = ()
     refused: tuple[Alternative, ...] = ()
+    fails_by: float | None = None
 
 
 @dataclass(frozen=True)

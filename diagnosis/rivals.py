@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.ledger import WINDOW, closed, quantiles, resampled, simulated
 from diagnosis.problem import Problem, bounded
-from diagnosis.replay import in_blocks, rms
+from diagnosis.replay import in_blocks, rms, window_width
 from diagnosis.result import LedgerRow
 from envs.log import Array, Log
 from methods.base import Method, MethodError, Model
@@ -83,7 +83,7 @@ def _row(
         signals = smooth.signals(log)
         command = model.inverse(signals.time, signals.motion, signals.command)
         inverse.append((signals.command - command)[:, 0])
-        width = max(8, round(WINDOW / log.sample_time))
+        width = window_width(WINDOW, log.sample_time)
         started = clock.perf_counter()
         windows.append(np.concatenate([_free(model, log, signals, a, b) for a, b in _parts(signals, width)]))
         seconds += clock.perf_counter() - started
@@ -91,7 +91,7 @@ def _row(
         whole.append(_free(model, log, signals, 0, len(signals)))
     error = bounded(np.concatenate(windows))
     bounds = np.cumsum([0, *map(len, windows)])
-    blocks = in_blocks(error, bounds, max(8, round(WINDOW / logs[0].sample_time)))
+    blocks = in_blocks(error, bounds, window_width(WINDOW, logs[0].sample_time))
     parts, rest, note = simulated(error, bounded(np.concatenate(whole)))
     return LedgerRow(
         joint=joint,

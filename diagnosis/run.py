@@ -17,7 +17,7 @@ import numpy as np
 from scipy.signal import welch
 
 from diagnosis.compensator import compensators
-from diagnosis.engine import WORST, Accepted, Finding, Settings, find, patchwork
+from diagnosis.engine import WORST, Accepted, Finding, Settings, Verdict, find, patchwork
 from diagnosis.estimation import Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
 from diagnosis.isolability import isolability
@@ -88,6 +88,11 @@ class Solved:
     compensators: tuple[TwoLayerNetwork | None, ...]
     no_compensator: str
     failing: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the search says, and `unknown` where its model does not hold on data that nobody fitted."""
+        return "unknown" if self.failing else self.finding.verdict
 
     @property
     def last(self) -> Step:
@@ -306,8 +311,6 @@ def solve(
         given = given_point(finding.nominal, 0, given_numbers(read.robot, group[0], first))
     ledger = steps(problem, held_out, finding, given)
     failing = failures(problem, held_out, finding, ledger[-1])
-    if failing:
-        finding = replace(finding, verdict="unknown")
     tell(f"{name}: a network for the remainder")
     networks, reason = compensators(read.fitted, problem, finding, group, np.random.default_rng(0))
     if any(networks):
@@ -340,7 +343,7 @@ def joint_result(
         position_unit=units.position,
         torque_unit=units.torque,
         input_equivalent=units.per_torque,
-        verdict=finding.verdict if len(solved.joints) == 1 or finding.verdict == "unknown" or named else "none",
+        verdict=solved.verdict if len(solved.joints) == 1 or solved.verdict == "unknown" or named else "none",
         effects=named,
         nominal=nominal_parameters(
             finding.nominal, finding.final, (covariance(finding.nominal), spread), j, units, numbers if given else {}
@@ -353,6 +356,7 @@ def joint_result(
         confusable=confusable,
         partial_residuals=partial_residuals(solved.problem, finding, j, units),
         refused=alternatives(solved, finding.refused),
+        fails_by=solved.failing.get(j),
     )
     return result, own_gap, ledger
 

@@ -506,6 +506,21 @@ def test_compensator_has_to_earn_its_place(with_friction: tuple) -> None:
     assert rms(steps["compensator"].replay.windows) < 0.5 * rms(steps["nominal"].replay.windows)
 
 
+def test_a_law_that_fails_on_held_out_logs_is_not_the_right_one() -> None:
+    smooth, rough = model_of({}), model_of(FRICTION)
+    fitted = [recorded(smooth, 1), recorded(smooth, 2)]
+    wanted = effects_of("dead_zone")
+    agreeing, *_ = diagnose(arrange(fitted, [recorded(smooth, 3)], None), effects=wanted)
+    assert agreeing.verdict == "none"
+    assert agreeing.joints[0].fails_by is None
+    failing, *_ = diagnose(arrange(fitted, [recorded(rough, 3)], None), effects=wanted)
+    joint, gap = failing.joints[0], failing.gaps[0]
+    assert failing.verdict == joint.verdict == "unknown"
+    assert joint.fails_by == pytest.approx(gap.after / gap.noise_floor, rel=0.1)
+    assert joint.fails_by > 2.0
+    assert f"{joint.fails_by:.2g} times what noise accounts for" in failing.sentence
+
+
 def test_rivals_that_fail_stay_in_the_table() -> None:
     from diagnosis.rivals import rival_rows
 

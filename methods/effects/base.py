@@ -107,8 +107,8 @@ class Effect:
         be asked: a deflection far below the encoder's step is an integrator's, not a spring's.
     tries: starting values, each of another shape, from which it is fitted before it is compared with others.
     excludes: names of effects that cannot be in the same joint.
-    beside: standard names of effects of which this one is a property: beside one of them that is at least as large, no
-        log tells it from what it includes.
+    beside: standard names of effects of which this one is a property: beside one of them whose first parameter is at
+        least as large, no log tells it from what it includes.
     neutral: for a more general form of an included law, the values of its further parameters with which both are the
         same.
     drives: whether the motor torque enters its law, which a function of its own shows by itself.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 from typing import Literal
 
 import numpy as np
@@ -761,11 +762,16 @@ def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
 
 
 def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted]) -> bool:
-    """Whether torques of the position alone make up a law that none of them is.
+    """Whether several laws of one variable make up a law that none of them is.
 
     A line, a sine of the angle and a piece of a wave are an expansion of any smooth torque: they then nearly cancel, or
-    the wave shows for less than PERIODS and its length stays VAGUE.
+    the wave shows for less than PERIODS and its length stays VAGUE. A law of the velocity beside one that it contains
+    is such an expansion, too: the same friction cannot be there twice.
     """
+    for item, other in permutations(accepted, 2):
+        contained = item.label in other.effect.includes or item.name in other.effect.includes
+        if contained and item.joint == other.joint and item.effect.variable == other.effect.variable == "velocity":
+            return True
     deviation = dict(zip((f.name for f in final.point.free), np.sqrt(np.diag(final.covariance)), strict=True))
     for j in range(problem.joints):
         parts = [

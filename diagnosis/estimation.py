@@ -120,15 +120,15 @@ class Fitted:
     def criterion(self) -> float:
         """-2 log likelihood up to a constant: sum over joints of N ln(mean square innovation + floor).
 
-        What is known of parameters beforehand is part of it.
+        What is known of parameters beforehand is part of it. A simulation that ran away counts with its errors as
+        they are: from one another they could be predicted perfectly.
         """
-        if not self.credible:
-            return np.inf
+        spread = self.variances if self.credible else np.mean(self.error**2, axis=0)
         count = self.samples // len(self.variances)
         known = sum(
             ((x - f.centre) / f.deviation) ** 2 for f, x in zip(self.point.free, self.point.vector, strict=True)
         )
-        return float(count * np.sum(np.log(self.variances + self.floor)) + known)
+        return float(count * np.sum(np.log(spread + self.floor)) + known)
 
     @property
     def total(self) -> float:

@@ -333,6 +333,8 @@ def _scan_position(
     spacing = 2 * np.pi * bins / (span * length)
     chosen = np.unique(np.round(cycles / spacing).astype(int))
     chosen = chosen[(chosen > 0) & (chosen < len(transform))]
+    if not len(chosen):  # too short a way for any of these waves
+        return []
     cycles, transform = chosen * spacing, transform[chosen]
     edges = np.quantile(np.abs(velocity), np.linspace(0, 1, 33))
     speeds = 0.5 * (edges[1:] + edges[:-1])

@@ -25,7 +25,8 @@ voltage_saturation    ``ctrlrange``; a known current limit: ``saturation`` or ``
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import mujoco
@@ -394,11 +395,23 @@ def simulate(xml: str, names: Sequence[str], command: Array, sample_time: float,
     mujoco.mj_forward(model, data)
     substeps = round(sample_time / model.opt.timestep)
     found = np.zeros((len(command), len(names)))
-    for k in range(len(command)):
-        found[k] = data.qpos[columns]
-        data.ctrl[motors] = command[k]
-        mujoco.mj_step(model, data, nstep=substeps)
+    with silent_mujoco():
+        for k in range(len(command)):
+            found[k] = data.qpos[columns]
+            data.ctrl[motors] = command[k]
+            mujoco.mj_step(model, data, nstep=substeps)
     return found
+
+
+@contextmanager
+def silent_mujoco() -> Iterator[None]:
+    """Without MuJoCo's warnings and its log file in the working folder: a model that runs away shows in its motion."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def reproduction(model: StructuredModel, exported: Exported, names: Sequence[str], command: Array) -> Array:

@@ -18,6 +18,8 @@ from envs.robots import find_robot
 
 STILL = 20.0
 """A joint whose position stays within this many encoder steps is held still."""
+GIVES_WAY = 0.02
+"""A joint whose way is a smaller share of the widest one is held by its controller."""
 KEPT_APART = 0.25
 """Share of each log that is kept apart for the gain when no held-out log is given."""
 PLANAR_SHARE = 0.02
@@ -115,6 +117,8 @@ def moving_joints(logs: Sequence[Log], wanted: int | None, findings: list[str]) 
             chosen.append(joint)
         else:
             findings.append(f"joint {joint} is held still in {', '.join(still)} and is skipped")
+    if wanted is None:
+        chosen = [joint for joint in chosen if not stands_beside(logs, joint, chosen, findings)]
     if not chosen:
         raise LogError(
             f"no joint to diagnose: {findings[-1]}",
@@ -122,6 +126,26 @@ def moving_joints(logs: Sequence[Log], wanted: int | None, findings: list[str]) 
             source=first.source,
         )
     return tuple(chosen)
+
+
+def stands_beside(logs: Sequence[Log], joint: int, others: Sequence[int], findings: list[str]) -> bool:
+    """True, and said, for a joint that a controller holds while others move: all it does is give way to them."""
+    first = logs[0]
+    unit = first.facts[first.index(joint)].position_unit
+
+    def way(number: int) -> float:
+        found = max(float(np.ptp(log.position[:, log.index(number)])) for log in logs)
+        return min(found, 2.0 * np.pi) if unit == "rad" else found
+
+    alike = [number for number in others if first.facts[first.index(number)].position_unit == unit]
+    widest = max(alike, key=way)
+    if way(joint) >= GIVES_WAY * way(widest):
+        return False
+    findings.append(
+        f"joint {joint} is skipped: it moves by {way(joint):.2g} {unit}, joint {widest} by {way(widest):.2g} {unit}. "
+        f"--joint {joint} asks for it"
+    )
+    return True
 
 
 def driven(log: Log, joint: int) -> bool:

@@ -220,8 +220,8 @@ def timing_said(solved: Solved, j: int) -> str:
 
 
 PATCHWORK = (
-    "the named torques of the position nearly cancel, or show a part of a wave only: together they describe a smooth "
-    "torque of the position that is none of them"
+    "the named torques of the position nearly cancel or show a part of a wave only, or the same friction is there "
+    "twice: together they describe a smooth law that is none of them"
 )
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -147,8 +148,8 @@ class DescribedBody:
         if not Path(self.path).is_file():
             raise RobotError("no such file", remedy="Give the path of an MJCF or URDF file", source=self.path)
         try:
-            spec = mujoco.MjSpec.from_file(self.path)
-        except ValueError as error:
+            spec = _read(Path(self.path))
+        except (ValueError, ElementTree.ParseError) as error:
             raise _refused(error, self.path) from None
         for actuator in list(spec.actuators):
             spec.delete(actuator)
@@ -198,7 +199,20 @@ class DescribedBody:
         return [int(self._model.joint(name).qposadr[0]) for name in self.joint_names]
 
 
-def _refused(error: ValueError, path: str) -> RobotError:
+def _read(path: Path) -> mujoco.MjSpec:
+    """The file's tree. Of a URDF the shapes that are meshes are left out: they lie in other packages, weigh nothing
+    and touch nothing here."""
+    if path.suffix.lower() != ".urdf":
+        return mujoco.MjSpec.from_file(str(path))
+    tree = ElementTree.parse(path)
+    for link in tree.iter("link"):
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            if shape.find("geometry/mesh") is not None:
+                link.remove(shape)
+    return mujoco.MjSpec.from_string(ElementTree.tostring(tree.getroot(), encoding="unicode"))
+
+
+def _refused(error: Exception, path: str) -> RobotError:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     reason = ", ".join(lines).removeprefix("Error: ").rstrip(".")
     return RobotError(f"MuJoCo refuses the description: {reason}", remedy="Correct this element", source=path)

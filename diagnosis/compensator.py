@@ -36,7 +36,7 @@ def compensators(
     cuts = [int(LEARNED * len(log)) for log in logs]
     learned, judged = (
         stack(problem.kernel, [log.slice(*ends(cut, len(log))) for log, cut in zip(logs, cuts, strict=True)], group,
-              pair=problem.pair)
+              pair=problem.pair, arm=problem.arm)
         for ends in (lambda cut, size: (0, cut), lambda cut, size: (cut, size))
     )  # fmt: skip
     own = [transfer(part, finding.final.point) for part in (learned, judged)]

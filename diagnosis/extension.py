@@ -17,6 +17,8 @@ from methods.kernel import NOMINAL
 from methods.structured import COMPENSATOR, PlanarCoupling, StructuredJoint, StructuredModel
 from methods.two_layer_network import TwoLayerNetwork
 
+OWN = NOMINAL[: NOMINAL.index("arm")]
+"""A joint's own parameters: a model of joints knows nothing of the rest of the arm."""
 CHECKED = 3.0
 """Length of the stretch on which MuJoCo is compared with the model [s]."""
 
@@ -56,7 +58,7 @@ def extended_model(extensions: Sequence[Extension]) -> StructuredModel:
                     start = kernel.offsets[effect.name]
                     names = [p.name for p in effect.parameters]
                     effects[effect.name] = dict(zip(names, row[start : start + effect.size].tolist(), strict=True))
-            nominal = dict(zip(NOMINAL, row[: len(NOMINAL)].tolist(), strict=True))
+            nominal = dict(zip(OWN, row[: len(OWN)].tolist(), strict=True))
             unit = item.units[j].position
             parts.append(StructuredJoint(joint, item.inputs[j], nominal, effects, unit, item.compensators[j]))
     first = ordered[0]

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from diagnosis.arm_torques import UNCERTAIN
 from diagnosis.estimation import Fitted, Point, fit, predicted_motion
 from diagnosis.pair_start import PairStart, pair_start
 from diagnosis.problem import Free, Problem, Stamps, evenly, smooth_derivatives, start_window
@@ -69,7 +70,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
             if structures[j].gravity == "pendulum":
                 columns += [np.sin(q[:, j]), np.cos(q[:, j])]
             rows[j].append(np.stack(columns, axis=1))
-            sides[j].append(side[:, j])
+            sides[j].append(side[:, j] - (problem.neighbour[start:stop, j, 3] if problem.arm else 0.0))
     solutions = []
     for j in range(n):
         matrix, target = np.concatenate(rows[j]), np.concatenate(sides[j])
@@ -131,6 +132,10 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
         elif structure.gravity == "constant":
             parameters[:, j, COLUMN["load"]] = x[3]
             free.append(Free(f"load@{j}", "joint", j, COLUMN["load"], drive))
+        for column in range(COLUMN["arm"], COLUMN["arm"] + problem.neighbour.shape[2] - 3):
+            size, deviation = (1.0, UNCERTAIN) if column == COLUMN["arm"] else (0.0, 1.0)
+            parameters[:, j, column] = size
+            free.append(Free(f"{NOMINAL[column]}@{j}", "joint", j, column, 1.0, centre=size, deviation=deviation))
         for log in range(problem.logs):
             fastest = max(float(np.max(np.abs(motion[log][1][:, j]))), 1e-9)
             # a cubic fitted to rounded readings, and what a cubic misses

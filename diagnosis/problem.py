@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -46,6 +47,13 @@ class Free:
     deviation: float = np.inf
 
 
+class KnownTorques(Protocol):
+    """Torques on a joint that are known of a log up to their sizes."""
+
+    def columns(self, log: Log) -> Array:
+        """Torques that resist, in command units (T, R); the first is known with its size."""
+
+
 @dataclass(frozen=True)
 class Stamps:
     """Time stamps that were replaced by even ones: rms of their error [s], decrease of -2 log likelihood by that."""
@@ -56,7 +64,10 @@ class Stamps:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Stacked logs. Shapes: time (T,), command and reading (T, n), neighbour (T, n, 3) or (0, n, 3), bounds (L + 1,).
+    """Stacked logs. Shapes: time (T,), command and reading (T, n), bounds (L + 1,),
+    neighbour (T, n, 3 + R) or (0, n, 3).
+
+    neighbour: acceleration, velocity and command of the next joint, then R known torques of the rest of the `arm`.
 
     leak [rad/s] pulls the predicted angle towards the measured one, rate_leak [1/s^2] the velocity; burn_in [s] is what
     is discarded at the beginning of every log while initial errors of the angle decay. decimation: the errors are
@@ -83,6 +94,7 @@ class Problem:
     stamps: Stamps | None = None
     command_limits: tuple[float, ...] = ()
     starts: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    arm: KnownTorques | None = None
 
     @property
     def joints(self) -> int:
@@ -285,8 +297,12 @@ def stack(
     pair: bool = False,
     neighbours: bool = True,
     burn_in: float | None = None,
+    arm: KnownTorques | None = None,
 ) -> Problem:
-    """Lay out logs for a fit of the named joints; other joints of the logs serve as neighbours for coupling effects."""
+    """Lay out logs for a fit of the named joints; other joints of the logs serve as neighbours for coupling effects.
+
+    arm: known torques of the rest of the arm on a single joint; they are held over samples.
+    """
     parts = [part for log in logs for part in segments(log, LIMIT // len(logs))]
     times, commands, readings, others, starts = [], [], [], [], []
     for log in parts:
@@ -308,6 +324,10 @@ def stack(
                 near[:, i, 0] = smooth[2][:, other]
                 near[:, i, 1] = smooth[1][:, other]
                 near[:, i, 2] = log.command[:, other]
+            if arm is not None:
+                known = arm.columns(log)
+                known[:-1] = 0.5 * (known[:-1] + known[1:])
+                near = np.concatenate([near, known[:, None]], axis=2)
             others.append(near)
     first = parts[0]
     facts = [first.facts[first.index(joint)] for joint in joints]
@@ -335,6 +355,7 @@ def stack(
         names=tuple(part.name for part in parts),
         command_limits=tuple(fact.command_limit or 0.0 for fact in facts),
         starts=np.array(starts),
+        arm=arm,
     )
 
 

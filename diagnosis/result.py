@@ -250,12 +250,23 @@ class NextExperiment:
     factor: float
 
 
+@dataclass(frozen=True)
+class Failure:
+    """How many times as much a model errs on data that nobody fitted as noise, or the refitted nominal model, does."""
+
+    times: float
+    noise: bool
+
+    def __str__(self) -> str:
+        return f"{self.times:.2g} times as much as {'noise accounts for' if self.noise else 'without the effects'}"
+
+
 @dataclass(frozen=True, eq=False)
 class JointResult:
     """Everything about one joint.
 
-    refused: the hypotheses that were tried last and not accepted, best first. fails_by: how many times what noise
-    accounts for the model errs on data that nobody fitted, where only that says that it is wrong.
+    refused: the hypotheses that were tried last and not accepted, best first. fails_by: how the model fails on data
+    that nobody fitted, where only that says that it is wrong.
     """
 
     joint: int
@@ -275,7 +286,7 @@ class JointResult:
     confusable: tuple[Confusable, ...] = ()
     partial_residuals: tuple[PartialResidual, ...] = ()
     refused: tuple[Alternative, ...] = ()
-    fails_by: float | None = None
+    fails_by: Failure | None = None
 
 
 @dataclass(frozen=True)

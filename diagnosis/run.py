@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import welch
 
+from diagnosis.arm_torques import arm_torques
 from diagnosis.compensator import compensators
 from diagnosis.engine import WORST, Accepted, Finding, Settings, Verdict, find, patchwork
 from diagnosis.estimation import Point, covariance
@@ -33,6 +34,7 @@ from diagnosis.preparation import (
     groups,
     joint_structures,
     moving_joints,
+    pose,
     recordings,
 )
 from diagnosis.problem import LIMIT, Problem, in_band, segments, smooth_derivatives, stack
@@ -42,6 +44,7 @@ from diagnosis.result import (
     Alternative,
     Diagnosis,
     Evidence,
+    Failure,
     Gap,
     JointResult,
     LedgerRow,
@@ -74,8 +77,7 @@ Tell = Callable[[str], None]
 class Solved:
     """One problem (a joint, or a coupled pair) from logs to ledger; `no_compensator` says why there is none.
 
-    failing: by index the joints whose model does not hold on the held-out logs though nothing was left to explain, with
-    the error there as a multiple of what noise makes it.
+    failing: by index the joints whose model does not hold on the held-out logs though nothing was left to explain.
     """
 
     joints: tuple[int, ...]
@@ -87,7 +89,7 @@ class Solved:
     ledger: tuple[Step, ...]
     compensators: tuple[TwoLayerNetwork | None, ...]
     no_compensator: str
-    failing: Mapping[int, float] = field(default_factory=dict)
+    failing: Mapping[int, Failure] = field(default_factory=dict)
 
     @property
     def verdict(self) -> Verdict:
@@ -177,7 +179,9 @@ def diagnose(
         findings += [said for j in range(len(group)) if (said := timing_said(solved, j))]
         if patchwork(solved.problem, solved.finding.final, solved.finding.accepted):
             findings.append(f"joint {', '.join(map(str, group))}: {PATCHWORK}")
-        findings += [failure_said(group[j], times) for j, times in solved.failing.items()]
+        if solved.problem.arm is not None:
+            findings.append(f"joint {group[0]}: {REST_OF_THE_ARM}")
+        findings += [failure_said(group[j], failure) for j, failure in solved.failing.items()]
         inputs = tuple(structure_.input for structure_ in solved.structures)
         extensions.append(
             Extension(group, inputs, solved.units, solved.held_out, solved.last.point, solved.compensators)
@@ -225,11 +229,17 @@ PATCHWORK = (
 )
 
 
-def failure_said(joint: int, times: float) -> str:
+REST_OF_THE_ARM = (
+    "what the motion of the other joints does to it is taken from the description and the measured motion; the "
+    "extended model and its MJCF hold the joint without it"
+)
+
+
+def failure_said(joint: int, failure: Failure) -> str:
     """That a model which leaves nothing of the fitted logs unexplained does not hold on the others."""
     return (
         f"joint {joint}: of the fitted logs nothing is left unexplained, but on data that nobody fitted the model errs "
-        f"{times:.2g} times as much as noise accounts for: its law is not the right one"
+        f"{failure}: its law is not the right one"
     )
 
 
@@ -290,8 +300,11 @@ def solve(
     kernel = build(compiled_with(effects))
     first = read.fitted[0]
     structures = joint_structures(read.fitted, group, read.robot)
-    problem = stack(kernel, read.fitted, group, pair=len(group) > 1)
-    held_out = stack(kernel, read.held_out, group, pair=len(group) > 1)
+    at = None if read.robot is None else pose(first, read.robot)
+    arm = arm_torques(read.robot, read.fitted, group[0], at) if at is not None and len(group) == 1 else None
+    problem, held_out = (
+        stack(kernel, logs, group, pair=len(group) > 1, arm=arm) for logs in (read.fitted, read.held_out)
+    )
     problem, held_out = settle_stamps(problem, held_out, structures)
     units = tuple(
         joint_units(
@@ -310,7 +323,7 @@ def solve(
     if read.robot is not None and len(group) == 1:
         given = given_point(finding.nominal, 0, given_numbers(read.robot, group[0], first))
     ledger = steps(problem, held_out, finding, given)
-    failing = failures(problem, held_out, finding, ledger[-1])
+    failing = failures(problem, held_out, finding, ledger)
     tell(f"{name}: a network for the remainder")
     networks, reason = compensators(read.fitted, problem, finding, group, np.random.default_rng(0))
     if any(networks):

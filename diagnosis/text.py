@@ -58,9 +58,8 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
         signals = [d.signal for d in joint.remainder[:2] if d.p_value < 1e-3]
         depends = f"; it depends on {' and '.join(signals)}" if signals else ""
         if joint.fails_by is not None:
-            depends = (
-                f": its {error_name(gap) if gap else 'error'} is {joint.fails_by:.2g} times what noise accounts for"
-            )
+            where = "the held-out logs" if gap and gap.on == "held-out" else "the data kept apart"
+            depends = f"; on {where} the model errs {joint.fails_by}"
         measured_gain = f" ({adding})" if adding else ""
         found = f"{named} explain{'' if plural else 's'} part of the gap{measured_gain}, but " if named else ""
         return f"{found}something is missing that no known effect explains{depends}"

@@ -49,6 +49,8 @@ from methods.effects.base import Effect
 from methods.joint_equation import network_value
 from methods.parallel import each, workers
 
+SHAPES = 6
+"""Torques of unknown size beside the one that a description of the whole arm gives."""
 NOMINAL = (
     "inertia",
     "viscous",
@@ -61,6 +63,8 @@ NOMINAL = (
     "torque_limit",
     "timing",
     "stepping",
+    "arm",
+    *(f"arm_shape_{i + 1}" for i in range(SHAPES)),
 )
 """Nominal parameters of a joint, the first columns of the parameter array.
 
@@ -215,7 +219,8 @@ def _source(kernel: Kernel) -> str:
 
 
 _TEMPLATE = '''
-INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT, TIMING, STEPPING = range(11)
+INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
+TIMING, STEPPING, ARM = range(9, 12)
 Q, DQ, W, A, HEAT, QL, DQL = range(7)
 
 
@@ -604,8 +609,10 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
         for j in range(n):
             if with_x:
                 xs[j, 0] = x[k, j, 0]; xs[j, 1] = x[k, j, 1]; xs[j, 2] = x[k, j, 2]
-            if with_extra:
-                extra[j] = extra_in[k, j]
+            extra[j] = extra_in[k, j] if with_extra else 0.0
+            if with_x:
+                for i in range(3, x.shape[2]):
+                    extra[j] += P[j, ARM + i - 3] * x[k, j, i]
         h = dt / substeps
         for i in range(substeps):
             now = t[k] - t0 + i * h
@@ -763,9 +770,11 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
                 dq += rate_leak * dt * e
                 dql += rate_leak * dt * e
         xs = (0.0, 0.0, 0.0)
+        disturbance = extra_in[k] if with_extra else 0.0
         if with_x:
             xs = (x[k, 0], x[k, 1], x[k, 2])
-        disturbance = extra_in[k] if with_extra else 0.0
+            for i in range(3, x.shape[1]):
+                disturbance += p[ARM + i - 3] * x[k, i]
         h = dt / substeps
         for i in range(substeps):
             begin = t[k] - t0 + i * h

@@ -16,7 +16,7 @@ import adeptone
 from diagnosis.engine import Settings
 from diagnosis.estimation import covariance, errors, fit
 from diagnosis.hypotheses import Hypothesis, extend
-from diagnosis.ledger import closed
+from diagnosis.ledger import closed, failures
 from diagnosis.nominal import COLUMN, JointStructure, fit_nominal
 from diagnosis.output import to_json
 from diagnosis.parameters import canonical
@@ -33,7 +33,7 @@ from diagnosis.preparation import (
 )
 from diagnosis.problem import DIVERGED, stack
 from diagnosis.replay import replay, rms, transfer, with_phases
-from diagnosis.result import Diagnosis
+from diagnosis.result import Diagnosis, Failure
 from diagnosis.run import Solved, diagnose, solve
 from envs.adeptone import adeptone as adept_robot
 from envs.excitation import parse
@@ -506,6 +506,16 @@ def test_compensator_has_to_earn_its_place(with_friction: tuple) -> None:
     assert rms(steps["compensator"].replay.windows) < 0.5 * rms(steps["nominal"].replay.windows)
 
 
+def test_effects_that_make_held_out_logs_worse_are_not_the_right_ones() -> None:
+    solved = solved_of(read_of(model_of(FRICTION)), "coulomb_friction")
+    assert not solved.failing
+    nominal, after = solved.ledger[-2:]
+    assert (nominal.role, after.role) == ("nominal", "effect")
+    better = replace(nominal, replay=replace(after.replay, windows=0.5 * after.replay.windows))
+    found = failures(solved.problem, solved.held_out, solved.finding, [better, after])
+    assert found == {0: Failure(pytest.approx(2.0), noise=False)}
+
+
 def test_a_law_that_fails_on_held_out_logs_is_not_the_right_one() -> None:
     smooth, rough = model_of({}), model_of(FRICTION)
     fitted = [recorded(smooth, 1), recorded(smooth, 2)]
@@ -516,9 +526,10 @@ def test_a_law_that_fails_on_held_out_logs_is_not_the_right_one() -> None:
     failing, *_ = diagnose(arrange(fitted, [recorded(rough, 3)], None), effects=wanted)
     joint, gap = failing.joints[0], failing.gaps[0]
     assert failing.verdict == joint.verdict == "unknown"
-    assert joint.fails_by == pytest.approx(gap.after / gap.noise_floor, rel=0.1)
-    assert joint.fails_by > 2.0
-    assert f"{joint.fails_by:.2g} times what noise accounts for" in failing.sentence
+    assert joint.fails_by.noise
+    assert joint.fails_by.times == pytest.approx(gap.after / gap.noise_floor, rel=0.1)
+    assert joint.fails_by.times > 2.0
+    assert f"errs {joint.fails_by.times:.2g} times as much as noise accounts for" in failing.sentence
 
 
 def test_rivals_that_fail_stay_in_the_table() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +107,31 @@ def test_a_cubic_spring_is_no_sum_of_known_torques(stiffness: float) -> None:
     found = diagnosed(lambda w: 0.0, steps=4, spring=lambda q: stiffness * q**3)
     assert found.verdict == "unknown"
     assert names(found)
+
+
+def test_friction_of_the_root_of_the_velocity_is_not_two_dry_frictions() -> None:
+    found = diagnosed(lambda w: math.copysign(0.12 * math.sqrt(abs(w)), w), steps=4)
+    assert found.verdict == "unknown"
+
+
+def test_a_joint_that_hardly_moves_is_searched_to_the_end() -> None:
+    log = record(0, lambda w: 0.0, steps=4)
+    still = 0.3 + 1e-4 * (log.position - 0.3)
+    small = Log(log.time, log.command, still, (1,), facts=log.facts, name="small")
+    problem = stack(build(EFFECTS), [small], (1,))
+    structure = (JointStructure(input="torque", electrical=False),)
+    waves = [effect for effect in EFFECTS if effect.scan == "position"]
+    assert waves
+    assert find(problem, structure, waves).verdict in ("none", "unknown")
+
+
+def test_a_model_that_runs_away_has_a_finite_likelihood() -> None:
+    problem = stack(build(EFFECTS), [record(0, lambda w: 0.0, steps=4)], (1,))
+    nominal = fit_nominal(problem, (JointStructure(input="torque", electrical=False),))
+    error = np.full_like(nominal.error, 1e6)
+    gone = replace(nominal, error=error, innovation=0.0 * nominal.innovation, credible=False)
+    assert np.isfinite(gone.criterion)
+    assert gone.criterion > nominal.criterion
 
 
 def test_a_spring_beside_waves_that_the_logs_show_is_named() -> None:

@@ -73,6 +73,14 @@ def test_impossible_bodies(old: str, new: str, tmp_path: Path) -> None:
     assert "arm." in str(caught.value)
 
 
+def test_meshes_of_other_packages_are_left_out(tmp_path: Path) -> None:
+    mesh = '<geometry><mesh filename="package://arm_description/upper.stl"/></geometry>'
+    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    shapes = f"<visual>{mesh}</visual><collision>{mesh}</collision>{ball}</link>"
+    robot = find_robot(describe(tmp_path, body=URDF.replace("</inertial></link>", f"</inertial>{shapes}")))
+    assert robot.inertia_matrix(np.array([0.5])) == pytest.approx(0.03 + 2.0 * 0.2**2)
+
+
 def test_the_documented_description_works_as_written(tmp_path: Path) -> None:
     page = (Path(__file__).parents[1] / "docs" / "robots.md").read_text(encoding="utf-8")
     (tmp_path / "arm.toml").write_text(page.split("```toml\n")[1].split("```")[0])

@@ -51,7 +51,10 @@ def diagnose(trial: Trial) -> tuple[dict[str, Any], float]:
             path.unlink()
         command = [sys.executable, "-m", "adeptone", "diagnose", *train, *holdout, "--out", str(out)]
         begin = time.perf_counter()
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TIME_LIMIT)
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TIME_LIMIT)
+        except subprocess.TimeoutExpired:
+            raise ValueError(f"no answer within {TIME_LIMIT:g} s") from None
         seconds = time.perf_counter() - begin
         if done.returncode:
             raise ValueError(done.stderr.strip()[-300:])

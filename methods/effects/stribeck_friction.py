@@ -43,8 +43,9 @@ EFFECT = Effect(
 
 
 def rounded(t, q, dq, w, x, p):
-    """(torque + excess exp(-|dq / velocity|^exponent)) tanh(dq / rounding)."""
-    return (p[0] + p[1] * math.exp(-(abs(dq / p[2]) ** p[3]))) * math.tanh(dq / p[4])
+    """(torque + excess exp(-|dq / velocity|^exponent)) tanh(dq / rounding), rounding at most velocity: beyond that there
+    is no peak that friction falls from."""
+    return (p[0] + p[1] * math.exp(-(abs(dq / p[2]) ** p[3]))) * math.tanh(dq / min(p[4], p[2]))
 
 
 ROUNDED = replace(
@@ -61,7 +62,7 @@ ROUNDED = replace(
         for share in (0.1, 0.25, 0.6)
     ],
     function=rounded,
-    resolved=lambda p, s: turns_slowly(p[4], s),
+    resolved=lambda p, s: turns_slowly(p[4], s) and p[4] < p[2],
     expected_failures=(),
 )
 EFFECTS = (EFFECT, ROUNDED)

@@ -1,0 +1,201 @@
+"""What the rest of a described arm does to one of its joints, from the measured motion of all of them.
+
+A joint is simulated with its own inertia and gravity around the pose of the logs. Everything else that the rigid body
+asks of its motor,
+
+    rest_j = [W_j(q, q', q'') - W_j(own motion alone, the others at the pose)] theta,
+
+the coupling inertias, Coriolis and centrifugal torques and the change of its own inertia and gravity with the pose, is
+known from the description (theta: ten inertial parameters per link) and the measured motion. The description's numbers
+are uncertain: ``theta = theta_0 + S z``, z standard normal. A linear regression of the command updates them, dry
+friction and the joint's own terms left free, and the leading principal components of what it leaves uncertain join as
+further torques of unknown size, so that a wrong mass is not taken for an effect.
+
+Source: M. Gautier, W. Khalil, Direct calculation of minimum set of inertial parameters of serial robots, IEEE Trans.
+Robot. Autom. 6 (1990); the principal components replace the base parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from diagnosis.problem import LIMIT, segments, smooth_derivatives, start_window
+from envs.log import Array, Log
+from envs.robot import Robot
+from methods.arm import described_body
+from methods.base import MethodError
+from methods.kernel import SHAPES
+
+UNCERTAIN = 0.3
+"""Standard deviation of a described mass, first moment or inertia as a share of its typical size."""
+NEGLIGIBLE = 2e-3
+"""Share of the command's rms below which torques of the rest of the arm do not matter."""
+LEARNED = 4000
+"""Samples from which the description's parameters are updated."""
+TURNS = (0.005, 0.05, 0.3)
+"""Shares of the rms velocity over which dry friction turns in that."""
+REVERSAL = 0.1
+"""Share of the rms velocity below which a joint reverses."""
+MOVING = 0.2
+"""Share of the samples that has to be left."""
+ROUNDS = 5
+"""Times that the noise of that is estimated anew."""
+SMOOTHED = 0.1
+"""Longest local cubics that give velocities and accelerations, in periods of the fastest motion."""
+NOISE = 0.01
+"""Noise of the accelerations, as a share of their rms, that is aimed at."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmTorques:
+    """The torques of the rest of the arm on a joint, per log: description, pose (N,) and components (10 N, R).
+
+    unit: command units per joint torque. seconds: length of the smoothing window.
+    """
+
+    body: Any
+    joint: int
+    pose: Array
+    components: Array
+    unit: float
+    seconds: float
+
+    def columns(self, log: Log) -> Array:
+        """What the description says and the leading components of its uncertainty, in command units (T, 1 + R)."""
+        return self.unit * self.regressor(log) @ self.components
+
+    def regressor(self, log: Log) -> Array:
+        """``W_j`` less that of the joint's own motion (T, 10 N)."""
+        import pinocchio as pin
+
+        motion = smooth_derivatives(log.time, log.position, self.seconds)
+        columns = np.array(log.joints) - 1
+        full = np.zeros((3, len(log), len(self.pose)))
+        full[0] = self.pose
+        for order in range(3):
+            full[order][:, columns] = motion[order]
+        j = self.joint - 1
+        alone = np.zeros_like(full)
+        alone[0] = self.pose
+        alone[:, :, j] = full[:, :, j]
+        data = self.body.createData()
+        found = np.empty((full.shape[1], 10 * len(self.pose)))
+        for k in range(len(found)):
+            whole = pin.computeJointTorqueRegressor(self.body, data, *full[:, k])[j].copy()
+            found[k] = whole - pin.computeJointTorqueRegressor(self.body, data, *alone[:, k])[j]
+        return found
+
+
+def arm_torques(robot: Robot | None, logs: Sequence[Log], joint: int, pose: Array) -> ArmTorques | None:
+    """The torques of the rest of the arm on a joint; None without a description, where other joints do not move, and
+    where the description couples nothing."""
+    if robot is None or all(len(log.joints) < 2 for log in logs):
+        return None
+    try:
+        body = described_body(robot)
+    except MethodError:
+        return None
+    theta = np.concatenate([inertia.toDynamicParameters() for inertia in list(body.inertias)[1:]])
+    unit = robot.joint(joint).drive.input_equivalent
+    plain = ArmTorques(body, joint, pose, np.eye(len(theta)), unit, window(logs))
+    parts = [filtered(plain, part) for log in logs for part in segments(log, LIMIT // len(logs))]
+    own, regressor, torque = (np.concatenate([part[i] for part in parts]) for i in range(3))
+    rows = slice(None, None, max(1, len(torque) // LEARNED))
+    independent = len(torque) * logs[0].sample_time / plain.seconds
+    theta, spread = updated(theta, uncertainty(theta), regressor[rows], own[rows], torque[rows], independent)
+    least = NEGLIGIBLE * float(np.sqrt(np.mean(torque**2)))
+    _, values, shapes = np.linalg.svd(regressor[rows] @ spread, full_matrices=False)
+    count = min(int(np.sum(values / np.sqrt(len(regressor[rows])) > least)), SHAPES)
+    if count == 0 and np.sqrt(np.mean((regressor @ theta) ** 2)) < least:
+        return None
+    return replace(plain, components=np.column_stack([theta, spread @ shapes[:count].T]))
+
+
+def filtered(known: ArmTorques, log: Log) -> tuple[Array, Array, Array]:
+    """What a joint's command is for without the rest of the arm (inertia, damping, dry friction, offset and gravity,
+    (T, 8)), the rest's regressor (T, 10 N), and the command as a torque (T,), all through the same filter.
+
+    Samples around reversals are left out: when dry friction turns, the smoothed velocity tells least.
+    """
+    column = log.index(known.joint)
+    q, dq, ddq = (item[:, column] for item in smooth_derivatives(log.time, log.position, known.seconds))
+    held = log.command[:, [column]] / known.unit
+    if log.facts[column].hold == "zero_order":
+        held[1:] = 0.5 * (held[1:] + held[:-1])
+    rms = float(np.sqrt(np.mean(dq**2))) + 1e-12
+    dry = [np.tanh(dq / (share * rms)) for share in TURNS]
+    own = np.stack([ddq, dq, *dry, np.ones_like(q), np.sin(q), np.cos(q)], axis=1)
+    width = round(known.seconds / log.sample_time)
+    moving = minimum_filter1d(np.abs(dq), 2 * width + 1) > REVERSAL * rms
+    if np.mean(moving) < MOVING:
+        moving[:] = True
+    found = [smooth_derivatives(log.time, item, known.seconds)[0] for item in (own, known.regressor(log), held)]
+    return found[0][moving], found[1][moving], found[2][moving, 0]
+
+
+def updated(
+    theta: Array, deviation: Array, regressor: Array, own: Array, torque: Array, independent: float
+) -> tuple[Array, Array]:
+    """Inertial parameters (10 N,) and a square root (10 N, K) of their covariance, after the joint's own command.
+
+    Linear regression of the torque (T,) on the joint's own motion (T, 8), about which nothing is known, and on
+    ``W S z`` with z standard normal. Its residuals, unmodelled effects included, count as noise of which only
+    `independent` samples tell something new.
+    """
+    basis, values, shapes = np.linalg.svd(regressor * deviation, full_matrices=False)
+    kept = values > 1e-6 * max(values[0], 1e-300)
+    basis, values, shapes = basis[:, kept], values[kept], shapes[kept]
+    own = own / (np.sqrt(np.mean(own**2, axis=0)) + 1e-300)
+    outer = np.linalg.qr(own)[0]
+    free = lambda matrix: matrix - outer @ (outer.T @ matrix)  # noqa: E731
+    design, target = free(basis * values), free(torque - regressor @ theta)
+    gram, side, variance = design.T @ design, design.T @ target, float(np.mean(target**2))
+    z = np.zeros(len(values))
+    covariance = np.eye(len(values))
+    for _ in range(ROUNDS):
+        weight = min(1.0, independent / len(target)) / max(variance, 1e-300)
+        covariance = np.linalg.inv(gram * weight + np.eye(len(values)))
+        z = covariance @ side * weight
+        variance = float(np.mean((target - design @ z) ** 2))
+    # the directions that these logs do not excite stay as described, and do not act on them
+    return theta + deviation * (z @ shapes), (deviation * shapes).T @ np.linalg.cholesky(covariance)
+
+
+def window(logs: Sequence[Log]) -> float:
+    """Length of the smoothing window [s]: the shortest whose accelerations are good to NOISE, at most a share of the
+    period of the frequency that holds 95 % of the velocities' power, of the joint that asks for most of both.
+
+    A local cubic over N samples of time step h gives accelerations of variance ``720 s^2 / (N^5 h^4)`` from readings
+    with noise s, which shows in what the shortest cubic leaves.
+    """
+    fastest, least = 0.0, 0.0
+    for log in logs:
+        h = log.sample_time
+        smooth, velocity, acceleration = smooth_derivatives(log.time, log.position, start_window(h))
+        noise = np.std(log.position - smooth_derivatives(log.time, log.position, 7 * h)[0], axis=0)
+        power = np.cumsum(np.abs(np.fft.rfft(velocity - velocity.mean(axis=0), axis=0)) ** 2, axis=0)
+        fastest = max(
+            fastest, float(np.max(np.argmax(power >= 0.95 * power[-1], axis=0))) / (log.time[-1] - log.time[0])
+        )
+        wanted = NOISE * np.std(acceleration, axis=0) + 1e-300
+        samples = (720.0 * noise**2 / (h**4 * wanted**2)) ** 0.2
+        moving = np.ptp(smooth, axis=0) > 0.1 * np.max(np.ptp(smooth, axis=0))
+        least = max(least, float(np.max(samples[moving])) * h)
+    longest = SMOOTHED / max(fastest, 0.4)
+    return max(min(least, longest), 8 * logs[0].sample_time)
+
+
+def uncertainty(theta: Array) -> Array:
+    """Standard deviations (10 N,) of inertial parameters: mass, first moments and inertias of each link in turn."""
+    found = []
+    for mass, *rest in theta.reshape(-1, 10):
+        moment, inertia = np.array(rest[:3]), np.array(rest[3:])
+        size = abs(inertia[0]) + abs(inertia[2]) + abs(inertia[5])  # the trace in Pinocchio's order
+        lever = max(float(np.linalg.norm(moment)), float(np.sqrt(abs(mass) * size)) / 2.0)
+        found += [abs(mass), *[lever / np.sqrt(3.0)] * 3, *[size / 3.0] * 6]
+    return UNCERTAIN * np.array(found)

@@ -43,8 +43,10 @@ EFFECT = Effect(
 
 
 def rounded(t, q, dq, w, x, p):
-    """(torque + excess exp(-|dq / velocity|^exponent)) tanh(dq / rounding), rounding at most velocity: beyond that there
-    is no peak that friction falls from."""
+    """(torque + excess exp(-|dq / velocity|^exponent)) tanh(dq / rounding).
+
+    The rounding is at most the velocity: beyond that there is no peak that friction falls from.
+    """
     return (p[0] + p[1] * math.exp(-(abs(dq / p[2]) ** p[3]))) * math.tanh(dq / min(p[4], p[2]))
 
 

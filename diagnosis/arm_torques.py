@@ -28,7 +28,6 @@ from diagnosis.problem import LIMIT, segments, smooth_derivatives, start_window
 from envs.log import Array, Log
 from envs.robot import Robot
 from methods.arm import described_body
-from methods.base import MethodError
 from methods.kernel import SHAPES
 
 UNCERTAIN = 0.3
@@ -92,14 +91,11 @@ class ArmTorques:
 
 
 def arm_torques(robot: Robot | None, logs: Sequence[Log], joint: int, pose: Array) -> ArmTorques | None:
-    """The torques of the rest of the arm on a joint; None without a description, where other joints do not move, and
-    where the description couples nothing."""
+    """The torques of the rest of the arm on a joint; None without a description, where the logs hold no other joint,
+    and where the description couples nothing. Raises MethodError for a body that Pinocchio cannot have."""
     if robot is None or all(len(log.joints) < 2 for log in logs):
         return None
-    try:
-        body = described_body(robot)
-    except MethodError:
-        return None
+    body = described_body(robot)
     theta = np.concatenate([inertia.toDynamicParameters() for inertia in list(body.inertias)[1:]])
     unit = robot.joint(joint).drive.input_equivalent
     plain = ArmTorques(body, joint, pose, np.eye(len(theta)), unit, window(logs))

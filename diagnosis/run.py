@@ -60,6 +60,7 @@ from diagnosis.search import Ranked, Scored
 from diagnosis.text import joint_sentence, table
 from envs.log import Array, Log
 from envs.log_files import write_atomically
+from methods.base import MethodError
 from methods.effects import compiled_with, vocabulary
 from methods.effects.base import Effect
 from methods.kernel import NOMINAL, build
@@ -78,6 +79,7 @@ class Solved:
     """One problem (a joint, or a coupled pair) from logs to ledger; `no_compensator` says why there is none.
 
     failing: by index the joints whose model does not hold on the held-out logs though nothing was left to explain.
+    rest: where the torques of the rest of the arm are from, or why they are missing.
     """
 
     joints: tuple[int, ...]
@@ -90,6 +92,7 @@ class Solved:
     compensators: tuple[TwoLayerNetwork | None, ...]
     no_compensator: str
     failing: Mapping[int, Failure] = field(default_factory=dict)
+    rest: str = ""
 
     @property
     def verdict(self) -> Verdict:
@@ -179,8 +182,8 @@ def diagnose(
         findings += [said for j in range(len(group)) if (said := timing_said(solved, j))]
         if patchwork(solved.problem, solved.finding.final, solved.finding.accepted):
             findings.append(f"joint {', '.join(map(str, group))}: {PATCHWORK}")
-        if solved.problem.arm is not None:
-            findings.append(f"joint {group[0]}: {REST_OF_THE_ARM}")
+        if solved.rest:
+            findings.append(f"joint {group[0]}: {solved.rest}")
         findings += [failure_said(group[j], failure) for j, failure in solved.failing.items()]
         inputs = tuple(structure_.input for structure_ in solved.structures)
         extensions.append(
@@ -300,8 +303,13 @@ def solve(
     kernel = build(compiled_with(effects))
     first = read.fitted[0]
     structures = joint_structures(read.fitted, group, read.robot)
-    at = None if read.robot is None else pose(first, read.robot)
-    arm = arm_torques(read.robot, read.fitted, group[0], at) if at is not None and len(group) == 1 else None
+    arm, rest = None, ""
+    if read.robot is not None and len(group) == 1:
+        try:
+            arm = arm_torques(read.robot, read.fitted, group[0], pose(first, read.robot))
+            rest = "" if arm is None else REST_OF_THE_ARM
+        except MethodError as error:
+            rest = f"what the motion of the other joints does to it is not known: {error.problem}"
     problem, held_out = (
         stack(kernel, logs, group, pair=len(group) > 1, arm=arm) for logs in (read.fitted, read.held_out)
     )
@@ -331,7 +339,7 @@ def solve(
         ledger.append(Step("+ compensator", "compensator", None, point, replay(held_out, point, WINDOW, networks)))
     seconds["search"] = seconds.get("search", 0.0) + found - started
     seconds["ledger"] = seconds.get("ledger", 0.0) + clock.perf_counter() - found
-    return Solved(group, structures, units, problem, held_out, finding, tuple(ledger), networks, reason, failing)
+    return Solved(group, structures, units, problem, held_out, finding, tuple(ledger), networks, reason, failing, rest)
 
 
 def joint_result(

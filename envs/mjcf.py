@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 from xml.etree import ElementTree
 
 import mujoco
@@ -145,12 +145,7 @@ class DescribedBody:
 
     def spec(self) -> mujoco.MjSpec:
         """The kinematic tree without drives."""
-        if not Path(self.path).is_file():
-            raise RobotError("no such file", remedy="Give the path of an MJCF or URDF file", source=self.path)
-        try:
-            spec = _read(Path(self.path))
-        except (ValueError, ElementTree.ParseError) as error:
-            raise _refused(error, self.path) from None
+        spec = _read(Path(self.path))
         for actuator in list(spec.actuators):
             spec.delete(actuator)
         for joint in spec.joints:
@@ -201,15 +196,44 @@ class DescribedBody:
 
 def _read(path: Path) -> mujoco.MjSpec:
     """The file's tree. Of a URDF the shapes that are meshes are left out: they lie in other packages, weigh nothing
-    and touch nothing here."""
-    if path.suffix.lower() != ".urdf":
-        return mujoco.MjSpec.from_file(str(path))
-    tree = ElementTree.parse(path)
-    for link in tree.iter("link"):
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
-            if shape.find("geometry/mesh") is not None:
-                link.remove(shape)
-    return mujoco.MjSpec.from_string(ElementTree.tostring(tree.getroot(), encoding="unicode"))
+    and touch nothing here. Raises RobotError for a file that is missing or that MuJoCo refuses."""
+    if not path.is_file():
+        raise RobotError("no such file", remedy="Give the path of an MJCF or URDF file", source=str(path))
+    try:
+        if path.suffix.lower() != ".urdf":
+            return mujoco.MjSpec.from_file(str(path))
+        tree = ElementTree.parse(path)
+        for link in tree.iter("link"):
+            for shape in [*link.findall("visual"), *link.findall("collision")]:
+                if shape.find("geometry/mesh") is not None:
+                    link.remove(shape)
+        return mujoco.MjSpec.from_string(ElementTree.tostring(tree.getroot(), encoding="unicode"))
+    except (ValueError, ElementTree.ParseError) as error:
+        raise _refused(error, str(path)) from None
+
+
+def joints_of_file(path: Path) -> list[dict[str, Any]]:
+    """Name, kind and limits [rad or m] of the joints of an MJCF or URDF file, in its order.
+
+    Raises RobotError for a file that is missing or refused, and for joints of several degrees of freedom.
+    """
+    try:
+        model = _read(path).compile()
+    except ValueError as error:
+        raise _refused(error, str(path)) from None
+    kinds = {int(number): kind for kind, number in _JOINT_TYPES.items()}
+    found = []
+    for row in range(model.njnt):
+        joint = model.joint(row)
+        if int(joint.type[0]) not in kinds:
+            raise RobotError(
+                f"joint {joint.name} is neither a hinge nor a slide", remedy="Fix the base", source=str(path)
+            )
+        item: dict[str, Any] = {"name": joint.name, "kind": kinds[int(joint.type[0])]}
+        if model.jnt_limited[row]:
+            item["lower"], item["upper"] = (float(value) for value in joint.range)
+        found.append(item)
+    return found
 
 
 def _refused(error: Exception, path: str) -> RobotError:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from functools import singledispatch
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -88,10 +89,28 @@ def _(body: ScaraBody) -> pin.Model:
 
 @_body_model.register
 def _(body: DescribedBody) -> pin.Model:
-    build = pin.buildModelFromUrdf if Path(body.path).suffix == ".urdf" else pin.buildModelFromMJCF
-    model = build(body.path)
+    try:
+        if Path(body.path).suffix.lower() == ".urdf":
+            model = pin.buildModelFromXML(_turning(Path(body.path)))
+        else:
+            model = pin.buildModelFromMJCF(body.path)
+    except (ValueError, RuntimeError) as error:
+        reason = " ".join(str(error).split()).rstrip(".")
+        raise RobotError(f"Pinocchio refuses {body.path}: {reason}", remedy="Correct this element") from None
     model.armature = np.zeros(model.nv)
     return model
+
+
+def _turning(path: Path) -> str:
+    """A URDF with its continuous joints as revolute ones without limits: one number tells where they are."""
+    tree = ElementTree.parse(path)
+    for joint in tree.iter("joint"):
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            for limit in joint.findall("limit"):
+                joint.remove(limit)
+            ElementTree.SubElement(joint, "limit", lower="-1e9", upper="1e9", effort="1e9", velocity="1e9")
+    return ElementTree.tostring(tree.getroot(), encoding="unicode")
 
 
 def _along(distance: float) -> pin.SE3:

@@ -327,7 +327,8 @@ def load_robot(path: str | Path) -> Robot:
 
     ``[body]`` holds either ``file = "arm.xml"`` (MJCF or URDF, relative to the TOML) or the links of a SCARA
     (``kind = "scara"``); each ``[[joint]]`` one joint of that body, in order, with its ``[joint.drive]``; ``[drive]``
-    what all drives share. A number is plain or a table ``{value, unit, source, uncertainty}``; ``[sources]`` gives
+    what all drives share. Without any ``[[joint]]`` they are those of the file, with its limits. A number is plain or a
+    table ``{value, unit, source, uncertainty}``; ``[sources]`` gives
     long texts for short source names.
 
     Raises RobotError, in one line, for whatever makes the description unusable.
@@ -348,14 +349,15 @@ def load_robot(path: str | Path) -> Robot:
 def parse_robot(content: Mapping[str, Any], folder: Path) -> Robot:
     """A robot from the content of its description; `folder` is where a body's file is looked up."""
     sources, shared = content.get("sources", {}), content.get("drive", {})
-    tables = _need(content, "joint")
+    body = _need(content, "body")
+    tables = content.get("joint") or _joints_of_file(body, folder) or _need(content, "joint")
     if not isinstance(tables, list):
         raise RobotError("joint is no list of tables", remedy="Head each joint by [[joint]]")
     joints = tuple(_parse_joint(table, number, shared, sources) for number, table in enumerate(tables, start=1))
     coupling = content.get("coupling")
     return Robot(
         name=_need(content, "name"),
-        body=_parse_body(_need(content, "body"), folder, tuple(joint.name for joint in joints), sources),
+        body=_parse_body(body, folder, tuple(joint.name for joint in joints), sources),
         joints=joints,
         coupling=None if coupling is None else tuple(tuple(float(item) for item in row) for row in coupling),
     )
@@ -404,6 +406,15 @@ def _parse_joint(table: Mapping[str, Any], number: int, shared: Mapping[str, Any
     where = f"joint {number}"
     drive = parse_record(Drive, {**shared, **table.get("drive", {})}, sources, f"{where}.drive")
     return parse_record(Joint, {**table, "drive": drive}, sources, where)
+
+
+def _joints_of_file(table: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
+    """What a body's file says of its joints, if there is one: name, kind and limits."""
+    if "file" not in table:
+        return []
+    from envs.mjcf import joints_of_file
+
+    return joints_of_file(folder / table["file"])
 
 
 def _parse_body(

@@ -774,7 +774,7 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
         if with_x:
             xs = (x[k, 0], x[k, 1], x[k, 2])
             for i in range(3, x.shape[1]):
-                disturbance += p[ARM + i - 3] * x[k, i]
+                disturbance += parameters[ARM + i - 3] * x[k, i]
         h = dt / substeps
         for i in range(substeps):
             begin = t[k] - t0 + i * h

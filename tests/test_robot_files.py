@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from envs.pinocchio_model import inverse_dynamics, pinocchio_model
 from envs.robot import RobotError
 from envs.robots import find_robot
 
@@ -79,6 +80,45 @@ def test_meshes_of_other_packages_are_left_out(tmp_path: Path) -> None:
     shapes = f"<visual>{mesh}</visual><collision>{mesh}</collision>{ball}</link>"
     robot = find_robot(describe(tmp_path, body=URDF.replace("</inertial></link>", f"</inertial>{shapes}")))
     assert robot.inertia_matrix(np.array([0.5])) == pytest.approx(0.03 + 2.0 * 0.2**2)
+
+
+SHARED = """
+name = "arm"
+[body]
+file = "{file}"
+[drive]
+amplifier = "torque"
+command = "torque"
+"""
+
+
+@pytest.mark.parametrize(("file", "body"), [("arm.urdf", URDF), ("arm.xml", MJCF)])
+def test_joints_are_those_of_the_file_where_none_is_described(file: str, body: str, tmp_path: Path) -> None:
+    (tmp_path / file).write_text(body)
+    (tmp_path / "arm.toml").write_text(SHARED.format(file=file))
+    robot = find_robot(str(tmp_path / "arm.toml"))
+    assert [(joint.name, joint.kind) for joint in robot.joints] == [("shoulder", "revolute")]
+    assert robot.joint(1).upper.value == (2.0 if file == "arm.urdf" else np.inf)
+    assert robot.input_equivalent(1) == 1.0
+
+
+def test_a_free_base_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(MJCF.replace('type="hinge" axis="0 1 0"', 'type="free"'))
+    (tmp_path / "arm.toml").write_text(SHARED.format(file="arm.xml"))
+    with pytest.raises(RobotError, match="neither a hinge nor a slide"):
+        find_robot(str(tmp_path / "arm.toml"))
+
+
+def test_continuous_joints_have_one_coordinate_in_pinocchio(tmp_path: Path) -> None:
+    limit = '<limit lower="-2" upper="2" effort="10" velocity="5"/>'
+    turning = URDF.replace('type="revolute"', 'type="continuous"').replace(limit, "")
+    (tmp_path / "arm.urdf").write_text(turning)
+    (tmp_path / "arm.toml").write_text(SHARED.format(file="arm.urdf"))
+    robot = find_robot(str(tmp_path / "arm.toml"))
+    model = pinocchio_model(robot)
+    state = (np.array([0.5]), np.array([0.3]), np.array([2.0]))
+    ours = robot.inertia_matrix(state[0]) @ state[2] + robot.body.bias(*state[:2])
+    assert inverse_dynamics(robot, model, *state) == pytest.approx(ours)
 
 
 def test_the_documented_description_works_as_written(tmp_path: Path) -> None:

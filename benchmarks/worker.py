@@ -20,8 +20,8 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from importlib.abc import MetaPathFinder
 from multiprocessing.connection import Connection
@@ -213,15 +213,26 @@ def describe(pipe: Connection) -> None:
     os._exit(0)
 
 
+@contextmanager
+def compiling() -> Iterator[Callable[[], float]]:
+    """Seconds that numba has spent on compiling so far: a machine does that once, for whichever method comes first."""
+    from numba.core import event
+
+    listener = event.TimingListener()
+    with event.install_listener("numba:compile", listener):
+        yield lambda: listener.duration if listener.done else 0.0
+
+
 def _fit(job: Job) -> tuple[Model, dict[str, Any]]:
     method = load(job.contestant)
     if job.effects is not None:
         method = replace(method, effects=job.effects)  # type: ignore[type-var]
     rng = np.random.default_rng(job.entropy)
     logs = tuple(replace(log) for log in job.logs)  # read-only again, which pickling forgets
-    begin = time.perf_counter()
-    fit = method.fit(logs, rng)
-    seconds = time.perf_counter() - begin
+    with compiling() as spent:
+        begin = time.perf_counter()
+        fit = method.fit(logs, rng)
+        seconds = time.perf_counter() - begin - spent()
     if not isinstance(fit, Fit):
         raise TypeError(f"fit returned {type(fit).__name__}, not a Fit")
     estimates = fit.estimates

@@ -11,6 +11,7 @@ import pytest
 
 from benchmarks.runner import find_contestants, run
 from benchmarks.store import Store
+from benchmarks.worker import compiling
 from tests.bench_plugins import method, task
 
 BAD = {
@@ -119,3 +120,18 @@ def test_a_plugin_that_ends_the_interpreter_at_import_is_one_line(tmp_path: Path
     (tmp_path / "kamikaze.py").write_text("import os; os._exit(7)")
     with pytest.raises(ValueError, match=r"kamikaze\.py cannot be loaded: it ends the interpreter: exit status 7"):
         find_contestants([str(tmp_path / "kamikaze.py")])
+
+
+def test_seconds_of_compiling_are_told_apart() -> None:
+    from numba import njit
+
+    @njit
+    def double(x: float) -> float:
+        return 2.0 * x
+
+    with compiling() as first:
+        double(1.0)
+        assert first() > 0.0
+    with compiling() as again:
+        double(1.0)
+        assert again() == 0.0

@@ -19,16 +19,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from diagnosis.problem import LIMIT, segments, smooth_derivatives, start_window
+from diagnosis.problem import LIMIT, bandwidth, centred, segments, smooth_derivatives, start_window
+from diagnosis.replay import rms
 from envs.log import Array, Log
 from envs.robot import Robot
-from methods.arm import described_body
+from methods.arm import described_body, full_states
 from methods.kernel import SHAPES
+
+if TYPE_CHECKING:
+    import pinocchio as pin
 
 UNCERTAIN = 0.3
 """Standard deviation of a described mass, first moment or inertia as a share of its typical size."""
@@ -57,7 +61,7 @@ class ArmTorques:
     unit: command units per joint torque. seconds: length of the smoothing window.
     """
 
-    body: Any
+    body: pin.Model
     joint: int
     pose: Array
     components: Array
@@ -70,24 +74,13 @@ class ArmTorques:
 
     def regressor(self, log: Log) -> Array:
         """``W_j`` less that of the joint's own motion (T, 10 N)."""
-        import pinocchio as pin
+        from envs.pinocchio_model import torque_regressor
 
-        motion = smooth_derivatives(log.time, log.position, self.seconds)
-        columns = np.array(log.joints) - 1
-        full = np.zeros((3, len(log), len(self.pose)))
-        full[0] = self.pose
-        for order in range(3):
-            full[order][:, columns] = motion[order]
-        j = self.joint - 1
-        alone = np.zeros_like(full)
-        alone[0] = self.pose
-        alone[:, :, j] = full[:, :, j]
-        data = self.body.createData()
-        found = np.empty((full.shape[1], 10 * len(self.pose)))
-        for k in range(len(found)):
-            whole = pin.computeJointTorqueRegressor(self.body, data, *full[:, k])[j].copy()
-            found[k] = whole - pin.computeJointTorqueRegressor(self.body, data, *alone[:, k])[j]
-        return found
+        j, motion = self.joint - 1, smooth_derivatives(log.time, log.position, self.seconds)
+        every = full_states(motion, [number - 1 for number in log.joints], self.pose)
+        alone = full_states([signal[:, [log.index(self.joint)]] for signal in motion], [j], self.pose)
+        whole, own = (torque_regressor(self.body, *states, rows=[j])[:, 0] for states in (every, alone))
+        return whole - own
 
 
 def arm_torques(robot: Robot | None, logs: Sequence[Log], joint: int, pose: Array) -> ArmTorques | None:
@@ -95,19 +88,22 @@ def arm_torques(robot: Robot | None, logs: Sequence[Log], joint: int, pose: Arra
     and where the description couples nothing. Raises MethodError for a body that Pinocchio cannot have."""
     if robot is None or all(len(log.joints) < 2 for log in logs):
         return None
+    from envs.pinocchio_model import inertial_parameters
+
     body = described_body(robot)
-    theta = np.concatenate([inertia.toDynamicParameters() for inertia in list(body.inertias)[1:]])
+    theta = inertial_parameters(body)
     unit = robot.joint(joint).drive.input_equivalent
-    plain = ArmTorques(body, joint, pose, np.eye(len(theta)), unit, window(logs))
-    parts = [filtered(plain, part) for log in logs for part in segments(log, LIMIT // len(logs))]
-    own, regressor, torque = (np.concatenate([part[i] for part in parts]) for i in range(3))
+    parts = [part for log in logs for part in segments(log, LIMIT // len(logs))]
+    plain = ArmTorques(body, joint, pose, np.eye(len(theta)), unit, window(parts))
+    rows_of = [filtered(plain, part) for part in parts]
+    own, regressor, torque = (np.concatenate([found[i] for found in rows_of]) for i in range(3))
     rows = slice(None, None, max(1, len(torque) // LEARNED))
     independent = len(torque) * logs[0].sample_time / plain.seconds
     theta, spread = updated(theta, uncertainty(theta), regressor[rows], own[rows], torque[rows], independent)
-    least = NEGLIGIBLE * float(np.sqrt(np.mean(torque**2)))
+    least = NEGLIGIBLE * rms(torque)
     _, values, shapes = np.linalg.svd(regressor[rows] @ spread, full_matrices=False)
     count = min(int(np.sum(values / np.sqrt(len(regressor[rows])) > least)), SHAPES)
-    if count == 0 and np.sqrt(np.mean((regressor @ theta) ** 2)) < least:
+    if count == 0 and rms(regressor @ theta) < least:
         return None
     return replace(plain, components=np.column_stack([theta, spread @ shapes[:count].T]))
 
@@ -120,14 +116,13 @@ def filtered(known: ArmTorques, log: Log) -> tuple[Array, Array, Array]:
     """
     column = log.index(known.joint)
     q, dq, ddq = (item[:, column] for item in smooth_derivatives(log.time, log.position, known.seconds))
-    held = log.command[:, [column]] / known.unit
-    if log.facts[column].hold == "zero_order":
-        held[1:] = 0.5 * (held[1:] + held[:-1])
-    rms = float(np.sqrt(np.mean(dq**2))) + 1e-12
-    dry = [np.tanh(dq / (share * rms)) for share in TURNS]
+    hold = 0 if log.facts[column].hold == "zero_order" else 1
+    held = centred(log.command[:, [column]], hold) / known.unit
+    typical = rms(dq) + 1e-12
+    dry = [np.tanh(dq / (share * typical)) for share in TURNS]
     own = np.stack([ddq, dq, *dry, np.ones_like(q), np.sin(q), np.cos(q)], axis=1)
     width = round(known.seconds / log.sample_time)
-    moving = minimum_filter1d(np.abs(dq), 2 * width + 1) > REVERSAL * rms
+    moving = minimum_filter1d(np.abs(dq), 2 * width + 1) > REVERSAL * typical
     if np.mean(moving) < MOVING:
         moving[:] = True
     found = [smooth_derivatives(log.time, item, known.seconds)[0] for item in (own, known.regressor(log), held)]
@@ -174,10 +169,7 @@ def window(logs: Sequence[Log]) -> float:
         h = log.sample_time
         smooth, velocity, acceleration = smooth_derivatives(log.time, log.position, start_window(h))
         noise = np.std(log.position - smooth_derivatives(log.time, log.position, 7 * h)[0], axis=0)
-        power = np.cumsum(np.abs(np.fft.rfft(velocity - velocity.mean(axis=0), axis=0)) ** 2, axis=0)
-        fastest = max(
-            fastest, float(np.max(np.argmax(power >= 0.95 * power[-1], axis=0))) / (log.time[-1] - log.time[0])
-        )
+        fastest = max(fastest, *(bandwidth(log.time, column) for column in velocity.T))
         wanted = NOISE * np.std(acceleration, axis=0) + 1e-300
         samples = (720.0 * noise**2 / (h**4 * wanted**2)) ** 0.2
         moving = np.ptp(smooth, axis=0) > 0.1 * np.max(np.ptp(smooth, axis=0))

@@ -110,15 +110,13 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
     nominal = next(step for step in found if step.role == "nominal")
     width, failing = window_width(WINDOW, held_out.sample_time), {}
     for j in range(problem.joints):
-        before, after = (
-            float(np.mean(blocks)) if len(blocks) else 0.0
-            for blocks in (
-                in_blocks(item.replay.windows[:, j], held_out.bounds, width) for item in (nominal, found[-1])
-            )
-        )
-        if after < LEFT**2 * before or after == 0.0:
+        blocks = [in_blocks(item.replay.windows[:, j], held_out.bounds, width) for item in (nominal, found[-1])]
+        count = len(blocks[1])
+        if not count:
             continue
-        count = max(1, int(np.isfinite(found[-1].replay.windows[:, j]).sum()) // width)
+        before, after = (float(np.mean(squares)) for squares in blocks)
+        if after < LEFT**2 * before:
+            continue
         times = np.sqrt(after) / floor_of(problem, finding, j)
         if not elsewhere and times**2 > max(BEYOND**2, chi2.isf(CHANCE, count) / count):
             failing[j] = Failure(float(times), noise=True)

@@ -11,7 +11,7 @@ import numpy as np
 from diagnosis.arm_torques import UNCERTAIN
 from diagnosis.estimation import Fitted, Point, fit, predicted_motion
 from diagnosis.pair_start import PairStart, pair_start
-from diagnosis.problem import Free, Problem, Stamps, evenly, smooth_derivatives, start_window
+from diagnosis.problem import Free, Problem, Stamps, centred, evenly, smooth_derivatives, start_window
 from diagnosis.timing import timing_settled
 from envs.log import Array, InputKind
 from methods.kernel import NOMINAL
@@ -60,7 +60,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
     motion: list[tuple[Array, ...]] = []
     for start, stop in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
         time, u = problem.time[start:stop], problem.command[start:stop]
-        held = np.vstack([u[:1], 0.5 * (u[1:] + u[:-1])]) if problem.hold[0] == 0 else u
+        held = centred(u, int(problem.hold[0]))
         seconds = max(0.02, 8 * problem.sample_time)
         q, dq, ddq = smooth_derivatives(time, problem.reading[start:stop], seconds)
         side = smooth_derivatives(time, held, seconds)[0]

@@ -231,10 +231,19 @@ def excitation_band(problem: Problem) -> float:
     for j in range(problem.joints):
         a, b = problem.bounds[0], problem.bounds[1]
         velocity = smooth_derivatives(problem.time[a:b], problem.reading[a:b, j : j + 1], 0.03)[1][:, 0]
-        power = np.cumsum(np.abs(np.fft.rfft(velocity - velocity.mean())) ** 2)
-        index = int(np.searchsorted(power, 0.95 * power[-1]))
-        found = max(found, index / (problem.time[b - 1] - problem.time[a]))
+        found = max(found, bandwidth(problem.time[a:b], velocity))
     return found
+
+
+def bandwidth(time: Array, signal: Array) -> float:
+    """Frequency [Hz] below which 95 % of a signal's power (T,) lies."""
+    power = np.cumsum(np.abs(np.fft.rfft(signal - signal.mean())) ** 2)
+    return int(np.searchsorted(power, 0.95 * power[-1])) / (time[-1] - time[0])
+
+
+def centred(command: Array, hold: int) -> Array:
+    """The command (T, n) that acts around the instants of the samples: between two levels where it is held (0)."""
+    return np.vstack([command[:1], 0.5 * (command[1:] + command[:-1])]) if hold == 0 else command
 
 
 def in_band(problem: Problem) -> Problem:

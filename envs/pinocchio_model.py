@@ -6,6 +6,8 @@ differently from version to version.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from functools import singledispatch
 from pathlib import Path
 from xml.etree import ElementTree
@@ -52,9 +54,25 @@ def forward_dynamics(robot: Robot, model: pin.Model, position: Array, velocity: 
     return np.array(pin.aba(model, model.createData(), position, velocity, net))
 
 
-def torque_regressor(model: pin.Model, position: Array, velocity: Array, acceleration: Array) -> Array:
-    """W with W theta = M_body q'' + b, shape (n, 10 n); rotors and friction are not part of it."""
-    return np.array(pin.computeJointTorqueRegressor(model, model.createData(), position, velocity, acceleration))
+def torque_regressor(
+    model: pin.Model,
+    position: Array,
+    velocity: Array,
+    acceleration: Array,
+    *,
+    rows: Sequence[int] | None = None,
+) -> Array:
+    """W with W theta = M_body q'' + b, shape (..., n, 10 n); rotors and friction are not part of it.
+
+    position, velocity, acceleration: (..., n). rows: the joints, from 0, whose rows are wanted; all unless given.
+    """
+    wanted = np.arange(model.nv) if rows is None else np.array(rows)
+    states = [np.asarray(item, dtype=np.float64) for item in (position, velocity, acceleration)]
+    shape, data = states[0].shape[:-1], model.createData()
+    found = np.empty((math.prod(shape), len(wanted), 10 * model.nv))
+    for k, state in enumerate(zip(*(item.reshape(-1, model.nv) for item in states), strict=True)):
+        found[k] = pin.computeJointTorqueRegressor(model, data, *state)[wanted]
+    return found.reshape(*shape, *found.shape[1:])
 
 
 def inertial_parameters(model: pin.Model) -> Array:

@@ -328,8 +328,7 @@ def load_robot(path: str | Path) -> Robot:
     ``[body]`` holds either ``file = "arm.xml"`` (MJCF or URDF, relative to the TOML) or the links of a SCARA
     (``kind = "scara"``); each ``[[joint]]`` one joint of that body, in order, with its ``[joint.drive]``; ``[drive]``
     what all drives share. Without any ``[[joint]]`` they are those of the file, with its limits. A number is plain or a
-    table ``{value, unit, source, uncertainty}``; ``[sources]`` gives
-    long texts for short source names.
+    table ``{value, unit, source, uncertainty}``; ``[sources]`` gives long texts for short source names.
 
     Raises RobotError, in one line, for whatever makes the description unusable.
     """

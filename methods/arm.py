@@ -11,7 +11,7 @@ simulate (M. Gautier, W. Khalil, IEEE Trans. Robot. Autom. 6 (1990) 368).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from envs.log import Array, InputKind, Log
 from envs.robot import Robot, RobotError
 from envs.robots import find_robot
-from methods.base import MethodError, Motion
+from methods.base import MethodError
 from methods.driven import DrivenModel, Drives, RigidDynamics
 from methods.usable_logs import check_logs
 
@@ -149,9 +149,10 @@ def described_body(robot: Robot) -> pin.Model:
         raise MethodError(error.problem, remedy=error.remedy) from None
 
 
-def full_states(motion: Motion, rows: Sequence[int], held: tuple[float, ...]) -> Iterator[tuple[Array, Array, Array]]:
-    """Position, velocity and acceleration of all the robot's joints, sample by sample; those not in `rows` stand."""
-    place, speed, change = np.array(held), np.zeros(len(held)), np.zeros(len(held))
-    for k in range(len(motion)):
-        place[rows], speed[rows], change[rows] = motion.position[k], motion.velocity[k], motion.acceleration[k]
-        yield place, speed, change
+def full_states(motion: Sequence[Array], rows: Sequence[int], held: Sequence[float] | Array) -> Array:
+    """Position, velocity and acceleration (3, T, N) of all the robot's joints from those (T, n) of some of them; those
+    not in `rows` stand where they are held."""
+    full = np.zeros((3, len(motion[0]), len(held)))
+    full[0] = held
+    full[:, :, rows] = np.stack(motion)
+    return full

@@ -95,12 +95,12 @@ class Solution:
 
 def arm_equations(method: WholeArm, logs: Sequence[Log]) -> ArmEquations:
     """The rows of all logs behind one filter. Raises MethodError for logs of no described robot."""
-    import pinocchio as pin
+    from envs.pinocchio_model import inertial_parameters, torque_regressor
 
     name, robot, held = described(logs, method.robot)
     joints = logs[0].joints
     model = described_body(robot)
-    data, n, all_joints = model.createData(), len(joints), len(robot)
+    n, all_joints = len(joints), len(robot)
     moved = [joint - 1 for joint in joints]
     bandwidth = min(method.preparation.equations([log.joint(j) for log in logs]).bandwidth for j in joints)
     filter_ = BandLimited(bandwidth)
@@ -123,9 +123,9 @@ def arm_equations(method: WholeArm, logs: Sequence[Log]) -> ArmEquations:
             chosen = Motion(
                 *(signal[at] for signal in (motion.position, motion.velocity, motion.acceleration, motion.jerk))
             )
-            for k, state in enumerate(full_states(chosen, moved, held)):
-                found[k, :, : 10 * all_joints] = pin.computeJointTorqueRegressor(model, data, *state)[moved]
-                found[k, :, 10 * all_joints :][:, moved] = np.diag(chosen.acceleration[k])
+            states = full_states((chosen.position, chosen.velocity, chosen.acceleration), moved, held)
+            found[:, :, : 10 * all_joints] = torque_regressor(model, *states, rows=moved)
+            found[:, range(n), 10 * all_joints + np.array(moved)] = chosen.acceleration
             return found
 
         columns[0].append(rows(at))
@@ -139,7 +139,7 @@ def arm_equations(method: WholeArm, logs: Sequence[Log]) -> ArmEquations:
         joints=joints,
         inputs=inputs,
         held=held,
-        theta=np.concatenate([inertia.toDynamicParameters() for inertia in list(model.inertias)[1:]]),
+        theta=inertial_parameters(model),
         rotors=np.array(model.armature),
         drives=_described_drives(robot, joints, REVERSAL * speeds),
     )

@@ -12,6 +12,7 @@ from diagnosis.arm_torques import ArmTorques, arm_torques, window
 from diagnosis.preparation import arrange, moving_joints, pose
 from diagnosis.run import diagnose
 from envs.log import Array, JointFacts, Log
+from envs.pinocchio_model import inertial_parameters
 from envs.robots import find_robot
 from methods.arm import described_body
 from methods.effects import built_in
@@ -94,10 +95,7 @@ def test_a_wrong_description_is_put_right(joint: int, logs: list[Log], wrong: st
     at = pose(logs[0], described_arm)
     found = arm_torques(described_arm, logs[:2], joint, at)
     assert found is not None
-    theta = [
-        np.concatenate([link.toDynamicParameters() for link in list(described_body(item).inertias)[1:]])[:, None]
-        for item in (right, described_arm)
-    ]
+    theta = [inertial_parameters(described_body(item))[:, None] for item in (right, described_arm)]
     truth, given = (ArmTorques(found.body, joint, at, item, 1.0, found.seconds).columns(logs[2]) for item in theta)
     error = rms(found.columns(logs[2])[:, :1] - truth)
     assert error < 0.2 * rms(given - truth)

@@ -192,6 +192,13 @@ class Page(HTMLParser):
         return " ".join(" ".join(self.texts).split())
 
 
+def test_a_shift_is_no_share_of_a_whole() -> None:
+    diagnosis = example("named")
+    doubled = nominal("damping", "V s/rad", None, (1.99997, 1e-3), (1.0, 1e-3))
+    joint = replace(diagnosis.joints[0], nominal=(doubled,))
+    assert "+100\u00a0%" in render(replace(diagnosis, joints=(joint,)))
+
+
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_every_verdict_is_a_readable_page(verdict: str) -> None:
     diagnosis = example(verdict)

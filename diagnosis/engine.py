@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from itertools import permutations
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -14,6 +13,7 @@ from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
+from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import Problem, in_band
 from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainder
@@ -51,12 +51,6 @@ STEADY = 0.5
 """Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
 CLEARED = 0.1
 """What may stay unexplained, as a share of what a small effect explains, for it to be more than a repair of a law."""
-PERIODS = 1.5
-"""Periods of a wave that the logs have to show, where other torques of the position are there as well."""
-VAGUE = 0.02
-"""Relative deviation of a wave's length from which it is no finding of its own."""
-CANCELLING = 0.25
-"""Sum of torques of the position, as a share of the largest, below which they only describe another law."""
 WORST: tuple[Verdict, ...] = ("unknown", "ambiguous", "named", "none")
 """Verdicts of several joints: the first that any of them has is that of all."""
 
@@ -131,7 +125,7 @@ class Finding:
     """Outcome for one problem: the nominal fit, the accepted effects in order, the final fit, what is left.
 
     band: upper frequency [Hz] of the comparison that chose the effects; None: the whole band.
-    refused: what was tried last and not accepted, best first.
+    refused: what was tried last and not accepted, best first. patched: joints whose effects are pieces of another law.
     """
 
     verdict: Verdict
@@ -142,6 +136,7 @@ class Finding:
     steps: tuple[Fitted, ...]
     band: float | None = None
     refused: tuple[Ranked, ...] = ()
+    patched: Mapping[int, Patchwork] = field(default_factory=dict)
 
 
 def materiality(problem: Problem, fitted: Fitted, name: str, joint: int) -> float:
@@ -326,14 +321,15 @@ def select(
         for i, item in enumerate(accepted)
     ]
     accepted = [disguised(problem, base, item, accepted, effects, settings) for item in accepted]
-    said = verdict(problem, nominal, base, accepted, left, settings)
-    patched = max((r.decrease - r.price for r in path.refused), default=0.0)
+    pieces = patchwork(problem, base, accepted, settings.rival)
+    said = "unknown" if pieces else verdict(problem, nominal, base, accepted, left, settings)
+    refused = max((r.decrease - r.price for r in path.refused), default=0.0)
     explained = nominal.criterion - base.criterion
-    if (accepted and patched > settings.patched * explained) or (
+    if (accepted and refused > settings.patched * explained) or (
         path.unsteady > max(settings.threshold, settings.inexact * explained)
     ):
         said = "unknown"
-    return Finding(said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused)
+    return Finding(said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused, patched=pieces)
 
 
 def timed_anew(problem: Problem, base: Fitted, ranked: list[Scored]) -> list[Scored]:
@@ -761,41 +757,6 @@ def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
     return fit(problem, point, rounds=2, iterations=4, tolerance=1e-4)
 
 
-def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted]) -> bool:
-    """Whether several laws of one variable make up a law that none of them is.
-
-    A line, a sine of the angle and a piece of a wave are an expansion of any smooth torque: they then nearly cancel, or
-    the wave shows for less than PERIODS and its length stays VAGUE. A law of the velocity beside one that it contains
-    is such an expansion, too: the same friction cannot be there twice.
-    """
-    for item, other in permutations(accepted, 2):
-        contained = item.label in other.effect.includes or item.name in other.effect.includes
-        if contained and item.joint == other.joint and item.effect.variable == other.effect.variable == "velocity":
-            return True
-    deviation = dict(zip((f.name for f in final.point.free), np.sqrt(np.diag(final.covariance)), strict=True))
-    for j in range(problem.joints):
-        parts = [
-            item.effect
-            for item in accepted
-            if item.joint == j and (item.effect.variable, item.effect.slot) == ("position", "torque")
-        ]
-        if len(parts) < 2:
-            continue
-        row, reading = final.point.parameters[0, j], problem.reading[problem.used, j]
-        for effect in parts:
-            if effect.scan == "position":
-                cycles = row[problem.kernel.column(effect, "cycles_per_rev")]
-                vague = deviation.get(f"{effect.name}.cycles_per_rev@{j}", 0.0) > VAGUE * cycles
-                if vague and cycles * np.ptp(reading) < 2.0 * np.pi * PERIODS:
-                    return True
-        places = np.quantile(reading, np.linspace(0.0, 1.0, 200)).tolist()
-        laws = [(effect.function, row[problem.kernel.own(effect)].tolist()) for effect in parts]
-        torques = np.array([[law(0.0, q, 0.0, 0.0, [], p) for q in places] for law, p in laws if law is not None])
-        if np.std(torques.sum(axis=0)) < CANCELLING * np.max(np.std(torques, axis=1)):
-            return True
-    return False
-
-
 def verdict(
     problem: Problem,
     nominal: Fitted,
@@ -814,7 +775,7 @@ def verdict(
     for r, limit in zip(left, problem.command_limits or (0.0,) * len(left), strict=True):
         if r.disturbance_share > settings.disturbance and r.disturbance > settings.amplifier * limit:
             return "unknown"
-    if patchwork(problem, final, accepted):
+    if any(drift.is_certain for r in left for drift in r.drifts):
         return "unknown"
     if any(item.rivals for item in accepted):
         return "ambiguous"

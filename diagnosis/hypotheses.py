@@ -32,6 +32,12 @@ SAMPLES = 500.0
 """Scale of an event's instant: its derivative is taken over half a sample."""
 CYCLES = 40_000
 """Most cycles per revolution (or per metre) that are scanned."""
+PULSE = (0.004, 1.0)
+"""Lengths of pulses that are scanned [s]."""
+CLOSE = 0.07
+"""Relative distance of these lengths."""
+LENGTHS = 40
+"""How many of them count as searched."""
 PER_LOG = {"periodic_disturbance": (0, 1)}
 """Parameters that may differ from log to log: the phase of a disturbance has no reason to restart with a recording."""
 
@@ -359,17 +365,11 @@ def _scan_events(
         c = tool.correlation[a:b] * usable
         searched = int((b - a) / max(1, len(tool.response) // 10))
         if effect.name == "collision":
-            for seconds in (0.01, 0.03, 0.1, 0.3):
-                width = max(1, round(seconds / problem.sample_time))
-                if width > (b - a) // 8:
-                    continue
-                matched = np.convolve(c, np.ones(width), mode="full")[width - 1 :][: b - a]
-                power = float(np.sum(np.convolve(tool.response, np.ones(width)) ** 2))
-                score = matched**2 / max(power * tool.variance, 1e-300)
-                index = int(np.argmax(score))
+            for height, width, index in _pulses(c, tool, problem.sample_time):
+                seconds = width * problem.sample_time
                 values = np.tile([0.05 * size.torque_rms, time[index], seconds, 0.3], (problem.logs, 1))
-                found.append((score[index], Hypothesis(effect, joint, log), values, 4 * searched))
-                found.append((score[index], Hypothesis(effect, joint), values, 4 * searched))
+                found.append((height, Hypothesis(effect, joint, log), values, LENGTHS * searched))
+                found.append((height, Hypothesis(effect, joint), values, LENGTHS * searched))
         else:
             acceleration = smooth_derivatives(time, problem.reading[a:b, joint : joint + 1], 0.02)[2][:, 0] * usable
             filtered = fftconvolve(acceleration, tool.response)[: b - a]
@@ -388,6 +388,25 @@ def _scan_events(
             found.append((score[index], Hypothesis(effect, joint), values, searched))
     found.sort(key=lambda item: -item[0])
     return [item[1:] for item in found[:6]]
+
+
+def _pulses(correlation: Array, tool: Adjoint, dt: float) -> list[tuple[float, int, int]]:
+    """(score, length and first sample) of the pulses that match best, one per octave of their lengths.
+
+    A whitened response is short, so that a pulse only matches where both of its ends do: lengths are close together.
+    """
+    total = np.concatenate([[0.0], np.cumsum(correlation)])
+    shortest, longest = max(1.0, PULSE[0] / dt), max(1.0, min(PULSE[1] / dt, len(correlation) / 8))
+    count = 1 + int(np.log(max(longest / shortest, 1.0)) / np.log(1.0 + CLOSE))
+    best: dict[int, tuple[float, int, int]] = {}
+    for width in np.unique(np.round(np.geomspace(shortest, max(shortest, longest), count)).astype(int)).tolist():
+        step = np.cumsum(np.pad(tool.response, (0, width)))
+        step[width:] -= step[:-width].copy()
+        score = (total[width:] - total[:-width]) ** 2 / max(float(step @ step) * tool.variance, 1e-300)
+        index, octave = int(np.argmax(score)), int(np.log2(width))
+        if octave not in best or score[index] > best[octave][0]:
+            best[octave] = float(score[index]), width, index
+    return list(best.values())
 
 
 def _peaks(score: Array, count: int, spacing: int) -> list[int]:

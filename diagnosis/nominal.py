@@ -200,6 +200,10 @@ def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fit
     return timing_settled(problem, best)
 
 
+HOPELESS = 2.0
+"""Mean square of the innovations over that of the fit so far, from which a first fit is not carried on."""
+
+
 def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStructure, ...]) -> Fitted:
     """The fit with every stated torque limit either acting or not, whichever the logs say now.
 
@@ -215,7 +219,10 @@ def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStru
         acts = fitted.point.parameters[0, j, column] > 0.0
         parameters = fitted.point.parameters.copy()
         parameters[:, j, column] = 0.0 if acts else structure.torque_limit
-        other = fit(problem, replace(fitted.point, parameters=parameters), rounds=3, iterations=8)
+        other = fit(problem, replace(fitted.point, parameters=parameters), rounds=1, iterations=3)
+        if other.criterion > fitted.criterion + fitted.samples * np.log(HOPELESS):
+            continue
+        other = fit(problem, other.point, rounds=2, iterations=8)
         if other.criterion < fitted.criterion:
             fitted = other
     return fitted

@@ -29,6 +29,9 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
         "remainder": {
             "excess": sum(joint.remainder_excess for joint in diagnosis.joints),
             "dependences": [{"joint": j.joint, **asdict(d)} for j in diagnosis.joints for d in j.remainder],
+            "drifts": [
+                {"joint": j.joint, **asdict(d), "certain": d.is_certain} for j in diagnosis.joints for d in j.drifts
+            ],
         },
         "isolability": [asdict(row) for joint in diagnosis.joints for row in joint.isolability],
         "not_separable": [asdict(row) for joint in diagnosis.joints for row in joint.confusable],
@@ -73,6 +76,7 @@ def joint_dict(joint: JointResult) -> dict[str, Any]:
         "joint": joint.joint,
         "verdict": joint.verdict,
         "input": joint.input,
+        "pieces_of": None if joint.patched is None else joint.patched.value,
         "nominal_parameters": {
             p.name: {
                 "unit": p.unit,

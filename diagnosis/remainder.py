@@ -2,6 +2,10 @@
 
 The innovations are regressed on the whitened responses to smooth functions of position, velocity, motor torque, elapsed
 time and so on, injected as torque into the simulated joint. Innovations that no such function explains are noise.
+
+A model with the right law has the same parameters from the beginning of a log to its end, and in all logs. So the
+innovations are also regressed on the sensitivity to each parameter times slow functions of time: a law that only
+imitates another one, or a machine that changes, shows there first.
 """
 
 from __future__ import annotations
@@ -20,6 +24,12 @@ from envs.log import Array
 
 FLOOR = 1e-9
 """Least response to a torque, as a share of the largest over frequency, by which the spectrum of errors is divided."""
+SLOW = 3
+"""Half waves over a log, and over the sequence of logs, of a parameter that drifts."""
+CHANCE = 1e-5
+"""p-value from which a parameter counts as constant."""
+SMALL = 0.0015
+"""Effect of a drift beside that of the command, up to which it is put down to integrators and inexact laws."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +43,30 @@ class Dependence:
 
 
 @dataclass(frozen=True)
+class Drift:
+    """A free parameter (its name in `Point.free`) that slow functions of time would change within the logs or from one
+    to the next: decrease of -2 log likelihood, functions used, p-value (Bonferroni over the parameters), and the rms of
+    the change's effect beside that of the whole command."""
+
+    parameter: str
+    decrease: float
+    functions: int
+    p_value: float
+    share: float
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether it is neither chance nor too small to mean anything."""
+        return self.p_value < CHANCE and self.share > SMALL
+
+
+@dataclass(frozen=True)
 class Remainder:
     """Dependences in order of strength, the decrease that all groups together would bring, and the rms of the torque
     that they stand for as a share of the command's rms.
 
     disturbance: rms of the torque that no logged signal accounts for, in units of the command; disturbance_share: the
-    same over the rms of the motor torque.
+    same over the rms of the motor torque. drifts: parameters in the order of their p-values.
     """
 
     dependences: tuple[Dependence, ...]
@@ -47,6 +75,7 @@ class Remainder:
     share: float
     disturbance: float
     disturbance_share: float
+    drifts: tuple[Drift, ...] = ()
 
     @property
     def excess(self) -> float:
@@ -138,7 +167,59 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         sum(len(r) for r in responses.values()),
         _share(problem, fitted, joint, groups, every, residual, size),
         *disturbance(problem, fitted, joint, motion[:, 2]),
+        drifts(problem, fitted, joint),
     )
+
+
+def slow_functions(problem: Problem) -> Array:
+    """Half cosines over every log, and over the sequence of logs (K, T)."""
+    functions = np.zeros((SLOW + min(SLOW, problem.logs - 1), len(problem.time)))
+    for log, (a, b) in enumerate(pairwise(problem.bounds)):
+        elapsed = problem.time[a:b] - problem.time[a]
+        for k in range(SLOW):
+            functions[k, a:b] = np.cos(np.pi * (k + 1) * elapsed / max(elapsed[-1], 1e-9))
+        for k in range(len(functions) - SLOW):
+            functions[SLOW + k, a:b] = np.cos(np.pi * (k + 1) * log / (problem.logs - 1))
+    return functions
+
+
+def drifts(problem: Problem, fitted: Fitted, joint: int) -> tuple[Drift, ...]:
+    """What slow changes of each of the joint's parameters would explain, all others refitted to first order.
+
+    Those of an event act once and are left out.
+
+    The score test of constant parameters; J. Nyblom, Testing for the constancy of parameters over time, Journal of the
+    American Statistical Association 84 (1989), with a fixed number of smooth alternatives.
+    """
+    events = {effect.name for effect in problem.kernel.effects if effect.scan == "event"}
+    tested = [
+        i
+        for i, f in enumerate(fitted.point.free)
+        if f.kind == "joint" and f.joint == joint and f.name.partition(".")[0] not in events
+    ]
+    basis, (total, count) = fitted.jacobian, (fitted.total, fitted.innovation.size // problem.joints)
+    noise = weights(fitted.innovation, problem.joints)
+    residual = fitted.innovation * noise
+    slow = np.tile(slow_functions(problem)[:, fitted.whitener.mask], (1, problem.joints))
+    extra = np.zeros((2, len(problem.time), problem.joints))
+    extra[1, :, joint] = 0.01 * problem.command[:, joint]
+    both = fitted.whitener(errors(problem, [fitted.point] * 2, extra=extra)) * noise
+    reference = max(100.0 * float(np.linalg.norm(both[1] - both[0])), 1e-300)
+    certainty = np.diag([f.deviation**-2.0 for f in fitted.point.free])
+    inverse = np.linalg.pinv(basis @ basis.T + certainty, rcond=1e-14, hermitian=True)
+    right, found = basis @ residual, []
+    for i in tested:
+        changed = basis[i] * slow
+        cross = changed @ basis.T @ inverse
+        gram = changed @ changed.T - cross @ basis @ changed.T
+        score = changed @ residual - cross @ right
+        scale = np.sqrt(np.maximum(np.diag(changed @ changed.T), 1e-300))
+        size = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-8, hermitian=True) @ (score / scale) / scale
+        decrease = float(-count * np.log(max(1.0 - max(score @ size, 0.0) / total, 1e-12)))
+        p = float(min(1.0, len(tested) * chi2.sf(decrease, len(slow))))
+        share = float(np.linalg.norm(size @ changed)) / reference
+        found.append(Drift(fitted.point.free[i].name, decrease, len(slow), p, share))
+    return tuple(sorted(found, key=lambda d: d.p_value))
 
 
 def disturbance(problem: Problem, fitted: Fitted, joint: int, motor: Array) -> tuple[float, float]:

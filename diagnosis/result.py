@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from diagnosis.engine import Verdict
+from diagnosis.patchwork import Patchwork
+from diagnosis.remainder import Drift
 from envs.log import Array, InputKind
 
 
@@ -266,7 +268,8 @@ class JointResult:
     """Everything about one joint.
 
     refused: the hypotheses that were tried last and not accepted, best first. fails_by: how the model fails on data
-    that nobody fitted, where only that says that it is wrong.
+    that nobody fitted, where only that says that it is wrong. patched: what the effects stand for together, where they
+    are pieces of another law. drifts: how constant each parameter is within the logs and from one to the next.
     """
 
     joint: int
@@ -287,6 +290,8 @@ class JointResult:
     partial_residuals: tuple[PartialResidual, ...] = ()
     refused: tuple[Alternative, ...] = ()
     fails_by: Failure | None = None
+    patched: Patchwork | None = None
+    drifts: tuple[Drift, ...] = ()
 
 
 @dataclass(frozen=True)

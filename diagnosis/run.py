@@ -18,7 +18,7 @@ from scipy.signal import welch
 
 from diagnosis.arm_torques import arm_torques
 from diagnosis.compensator import compensators
-from diagnosis.engine import WORST, Accepted, Finding, Settings, Verdict, find, patchwork
+from diagnosis.engine import WORST, Accepted, Finding, Settings, Verdict, find
 from diagnosis.estimation import Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
 from diagnosis.isolability import isolability
@@ -180,8 +180,6 @@ def diagnose(
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
         findings += [said for j in range(len(group)) if (said := timing_said(solved, j))]
-        if patchwork(solved.problem, solved.finding.final, solved.finding.accepted):
-            findings.append(f"joint {', '.join(map(str, group))}: {PATCHWORK}")
         if solved.rest:
             findings.append(f"joint {group[0]}: {solved.rest}")
         findings += [failure_said(group[j], failure) for j, failure in solved.failing.items()]
@@ -224,12 +222,6 @@ def timing_said(solved: Solved, j: int) -> str:
     if euler:
         said.append("the motion is that of a simulator with one semi-implicit Euler step per sample")
     return f"joint {solved.joints[j]}: {'; '.join(said)}; the model takes that into account" if said else ""
-
-
-PATCHWORK = (
-    "the named torques of the position nearly cancel or show a part of a wave only, or the same friction is there "
-    "twice: together they describe a smooth law that is none of them"
-)
 
 
 REST_OF_THE_ARM = (
@@ -378,6 +370,8 @@ def joint_result(
         partial_residuals=partial_residuals(solved.problem, finding, j, units),
         refused=alternatives(solved, finding.refused),
         fails_by=solved.failing.get(j),
+        patched=finding.patched.get(j),
+        drifts=left.drifts,
     )
     return result, own_gap, ledger
 

@@ -23,6 +23,12 @@ def rounded(estimate: Estimate) -> str:
     return measured(estimate.value, estimate.std, estimate.unit)
 
 
+def parameter_title(name: str) -> str:
+    """A free parameter of the fit in words: ``input_delay.delay@0`` is the delay of input delay."""
+    effect, _, own = name.partition("@")[0].rpartition(".")
+    return f"{title(own)} of {title(effect)}" if effect else title(own)
+
+
 RAN_AWAY = 1e3
 """Error of free simulation over short windows [rad or m] that only a simulation which ran away has."""
 
@@ -54,9 +60,15 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
     if joint.verdict == "none":
         tail = f"; its {error_name(gap)} is {quantity(gap.before, gap.unit)}" if gap else ""
         return f"the refitted nominal model is good to the noise floor{tail}"
+    if joint.patched is not None:
+        law = f"one {joint.patched.value} that no known effect is"
+        return f"{named} describe the logs{f' ({adding})' if adding else ''}, but only as pieces of {law}"
     if joint.verdict == "unknown":
         signals = [d.signal for d in joint.remainder[:2] if d.p_value < 1e-3]
         depends = f"; it depends on {' and '.join(signals)}" if signals else ""
+        drifting = [d for d in joint.drifts if d.is_certain]
+        if drifting and not signals:
+            depends = f"; the {parameter_title(drifting[0].parameter)} does not stay the same over the logs"
         if joint.fails_by is not None:
             where = "the held-out logs" if gap and gap.on == "held-out" else "the data kept apart"
             depends = f"; on {where} the model errs {joint.fails_by}"

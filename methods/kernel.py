@@ -203,6 +203,8 @@ def _source(kernel: Kernel) -> str:
     for symbol, array, count in (
         ("parameters", "whole", kernel.columns + 3),
         ("switches", "switches", len(kernel.effects)),
+        *((joint, joint, kernel.columns + 3) for joint in ("first", "second")),
+        *((joint, joint, len(kernel.effects)) for joint in ("first_on", "second_on")),
     ):
         values = ", ".join(f"{array}[{i}]" for i in range(count))
         template = template.replace(f"#{symbol}#", f"({values},)")
@@ -357,6 +359,36 @@ def _grasp(t, h, dq, p, on):
 
 
 @njit(cache=True, inline='always', error_model='numpy')
+def _planar(t, q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, first, second, on1, on2, p3, s, p2):
+    """Accelerations of a planar pair under the net torques of its joints: (q_1'', q_2'', torque 1, torque 2), the
+    torques on what does not rest."""
+    p1 = first[INERTIA] + _payload(t, first, on1)
+    added = _payload(t, second, on2) / s
+    own = second[INERTIA] / s + added
+    p2 += added
+    c, z = math.cos(q2), math.sin(q2)
+    g1, g2 = 0.0, 0.0
+    if second[GRAVITY_SINE] != 0.0 or second[GRAVITY_COSINE] != 0.0:
+        g2 = second[GRAVITY_SINE] * math.sin(q1 + q2) + second[GRAVITY_COSINE] * math.cos(q1 + q2)
+        g1 = g2 / s
+    if first[GRAVITY_SINE] != 0.0 or first[GRAVITY_COSINE] != 0.0:
+        g1 += first[GRAVITY_SINE] * math.sin(q1) + first[GRAVITY_COSINE] * math.cos(q1)
+    r1 = rhs1 + p3 * z * (2.0 * d1 * d2 + d2 * d2) - g1
+    r2 = (rhs2 - g2) / s - p3 * z * d1 * d1
+    m11, m12 = p1 + p2 + 2.0 * p3 * c, p2 + p3 * c
+    if stuck1 and stuck2:
+        return 0.0, 0.0, r1, r2 * s
+    if stuck1:
+        a2 = r2 / own
+        return 0.0, a2, r1 - m12 * a2, r2 * s
+    if stuck2:
+        a1 = r1 / m11
+        return a1, 0.0, r1, s * (r2 - m12 * a1)
+    det = m11 * own - m12 * m12
+    return (own * r1 - m12 * r2) / det, (m11 * r2 - m12 * r1) / det, r1, r2 * s
+
+
+@njit(cache=True, inline='always', error_model='numpy')
 def _joined(t, q, dq, ql, dql, rhs, p, on):
     """Accelerations of motor side and load side under the net torque rhs: (q'', q_l'', torque between the sides)."""
     inertia = p[INERTIA] + _payload(t, p, on)
@@ -406,39 +438,9 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
             D[j, DQ] = 0.0
             D[j, Q] = 0.0
     if pair:
-        p1, p2, p3, s, own = P[0, INERTIA], rigid[2], rigid[0], rigid[1], P[1, INERTIA] / rigid[1]
-        p1 += _payload(t, P[0], on[0])
-        added = _payload(t, P[1], on[1]) / s
-        p2 += added
-        own += added
-        q1, q2, d1, d2 = S[0, Q], S[1, Q], S[0, DQ], S[1, DQ]
-        c, z = math.cos(q2), math.sin(q2)
-        g1, g2 = 0.0, 0.0
-        if P[1, GRAVITY_SINE] != 0.0 or P[1, GRAVITY_COSINE] != 0.0:
-            g2 = P[1, GRAVITY_SINE] * math.sin(q1 + q2) + P[1, GRAVITY_COSINE] * math.cos(q1 + q2)
-            g1 = g2 / s
-        if P[0, GRAVITY_SINE] != 0.0 or P[0, GRAVITY_COSINE] != 0.0:
-            g1 += P[0, GRAVITY_SINE] * math.sin(q1) + P[0, GRAVITY_COSINE] * math.cos(q1)
-        r1 = rhs[0] + p3 * z * (2.0 * d1 * d2 + d2 * d2) - g1
-        r2 = (rhs[1] - g2) / s - p3 * z * d1 * d1
-        m11, m12, m22 = p1 + p2 + 2.0 * p3 * c, p2 + p3 * c, own
-        rhs[0] = r1
-        rhs[1] = r2 * s
-        if stuck[0] and stuck[1]:
-            D[0, DQ] = 0.0
-            D[1, DQ] = 0.0
-        elif stuck[0]:
-            D[0, DQ] = 0.0
-            D[1, DQ] = r2 / m22
-            rhs[0] = r1 - m12 * D[1, DQ]
-        elif stuck[1]:
-            D[1, DQ] = 0.0
-            D[0, DQ] = r1 / m11
-            rhs[1] = s * (r2 - m12 * D[0, DQ])
-        else:
-            det = m11 * m22 - m12 * m12
-            D[0, DQ] = (m22 * r1 - m12 * r2) / det
-            D[1, DQ] = (m11 * r2 - m12 * r1) / det
+        D[0, DQ], D[1, DQ], rhs[0], rhs[1] = _planar(
+            t, S[0, Q], S[0, DQ], S[1, Q], S[1, DQ], rhs[0], rhs[1], stuck[0], stuck[1], P[0], P[1], on[0], on[1],
+            rigid[0], rigid[1], rigid[2])
         for j in range(2):
             D[j, DQL] = D[j, DQ]
             if stuck[j]:
@@ -643,19 +645,20 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                             B[j, m] = S[j, m] + ahead * D[j, m] if stage else S[j, m]
                     _rates(at + ahead, B, D, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
                     if stage == 0:
-                        again = False
+                        again, loose, most = False, -1, 1.0
                         for j in range(n):
                             S[j, W] = B[j, W]
                             if not asked:
                                 dry[j] = level[j] > 0.0
-                                if dry[j] and sign[j] == 0.0:  # at rest: it stays there or breaks away
-                                    again = True
-                                    if abs(rhs[j]) <= level[j]:
-                                        stuck[j] = True
-                                    else:
-                                        sign[j] = 1.0 if rhs[j] > 0.0 else -1.0
+                                if dry[j] and sign[j] == 0.0:  # at rest: what would it take to hold it there?
+                                    stuck[j] = again = True
+                            elif stuck[j] and abs(rhs[j]) > most * level[j]:
+                                loose, most = j, abs(rhs[j]) / level[j]
+                        asked = True
+                        if loose >= 0:  # one breaks away, and what the other takes is asked anew
+                            stuck[loose], again = False, True
+                            sign[loose] = 1.0 if rhs[loose] > 0.0 else -1.0
                         if again:
-                            asked = True
                             continue
                         first_rates[:, :] = D
                         total[:, :] = D
@@ -863,6 +866,184 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
             return
 
 
+@njit(cache=True, inline='always', error_model='numpy')
+def _rates_two(t, q1, d1, w1, heat1, q2, d2, w2, heat2, v1, v2, x1, x2, sign1, sign2, stuck1, stuck2, p1, p2, on1, on2,
+               has1, has2, load1, load2, p3, s, shared):
+    """Scalar twin of _rates for a planar pair: per joint w, w', heat', q'', torque less dry friction, level."""
+    w1, change1, heating1, r1, level1 = _chain(t, q1, d1, w1, heat1, q1, v1, x1, p1, on1, has1, load1, True)
+    w2, change2, heating2, r2, level2 = _chain(t, q2, d2, w2, heat2, q2, v2, x2, p2, on2, has2, load2, True)
+    a1, a2, rhs1, rhs2 = _planar(t, q1, d1, q2, d2, r1 - sign1 * level1, r2 - sign2 * level2, stuck1, stuck2, p1, p2,
+                                 on1, on2, p3, s, shared)
+    return w1, change1, heating1, a1, rhs1, level1, w2, change2, heating2, a2, rhs2, level2
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
+def run_two(t, u, cumulative, hold, y, x, extra_in, start, P, switches, rigid, leak, rate_leak, substeps, out):
+    """`run` for a planar pair with its states in registers. u, y (T, 2); x (T, 2, 3) or (0, 2, 3); out (T, 2)."""
+    T = u.shape[0]
+    euler = P[0, STEPPING] > 0.0
+    substeps = 1 if euler else substeps * _finer(P, switches, (t[1] - t[0]) / substeps)
+    whole = _resolved(P, (t[1] - t[0]) / substeps)
+    first, second, first_on, second_on = whole[0], whole[1], switches[0], switches[1]
+    slots = np.zeros((2, 4), dtype=np.bool_)
+    _present(first_on, slots[0])
+    _present(second_on, slots[1])
+    p1, p2 = #first#, #second#
+    on1, on2 = #first_on#, #second_on#
+    has1 = (slots[0, 0], slots[0, 1], slots[0, 2], slots[0, 3])
+    has2 = (slots[1, 0], slots[1, 1], slots[1, 2], slots[1, 3])
+    p3, s, shared = rigid[0], rigid[1], rigid[2]
+    u1, u2, cumulative1, cumulative2 = u[:, 0], u[:, 1], cumulative[:, 0], cumulative[:, 1]
+    q1, d1, w1, lag1, heat1, z1 = start[0, 0], start[0, 1], start[0, 2], u[0, 0], 0.0, 0.0
+    q2, d2, w2, lag2, heat2, z2 = start[1, 0], start[1, 1], start[1, 2], u[0, 1], 0.0, 0.0
+    with_x, with_extra = x.shape[0] == T, extra_in.shape[0] == T
+    t0, before, pull = t[0], 0.0, 0.0
+    for k in range(T):
+        e1, e2 = y[k, 0] - _reading(q1, p1, on1), y[k, 1] - _reading(q2, p2, on2)
+        out[k, 0], out[k, 1] = e1, e2
+        if k == T - 1:
+            break
+        dt = t[k + 1] - t[k]
+        if leak > 0.0:
+            if dt != before:
+                before = dt
+                pull = 1.0 - math.exp(-leak * dt)
+            q1 += pull * e1
+            q2 += pull * e2
+            if rate_leak > 0.0:
+                if d1 != 0.0:
+                    d1 += rate_leak * dt * e1
+                if d2 != 0.0:
+                    d2 += rate_leak * dt * e2
+        x1, x2 = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        outer1, outer2 = 0.0, 0.0
+        if with_extra:
+            outer1, outer2 = extra_in[k, 0], extra_in[k, 1]
+        if with_x:
+            x1, x2 = (x[k, 0, 0], x[k, 0, 1], x[k, 0, 2]), (x[k, 1, 0], x[k, 1, 1], x[k, 1, 2])
+            for i in range(3, x.shape[2]):
+                outer1 += P[0, ARM + i - 3] * x[k, 0, i]
+                outer2 += P[1, ARM + i - 3] * x[k, 1, i]
+        h = dt / substeps
+        for i in range(substeps):
+            now = t[k] - t0 + i * h
+            d1, d2 = _grasp(now, h, d1, p1, on1), _grasp(now, h, d2, p2, on2)
+            v1 = _amplifier(k, i, substeps, dt, hold[0], u1, cumulative1, p1, on1)
+            v2 = _amplifier(k, i, substeps, dt, hold[1], u2, cumulative2, p2, on2)
+            if has1[0]:
+                v1 = _command(v1, now, q1, d1, w1, p1, on1)
+            if has2[0]:
+                v2 = _command(v2, now, q2, d2, w2, p2, on2)
+            if LAG >= 0 and on1[LAG]:
+                v1, lag1 = _low_pass(v1, lag1, h, p1[LAG_P])
+            if LAG >= 0 and on2[LAG]:
+                v2, lag2 = _low_pass(v2, lag2, h, p2[LAG_P])
+            load1, load2 = outer1, outer2
+            if _bristled(on1):
+                torque, z1 = _bristle(z1, d1, h, p1, on1)
+                load1 += torque
+            if _bristled(on2):
+                torque, z2 = _bristle(z2, d2, h, p2, on2)
+                load2 += torque
+            left = h
+            for event in range(7):
+                span, stage, asked, stopped = left, 0, False, 0
+                stuck1, stuck2, dry1, dry2 = False, False, False, False
+                sign1 = 1.0 if d1 > 0.0 else (-1.0 if d1 < 0.0 else 0.0)
+                sign2 = 1.0 if d2 > 0.0 else (-1.0 if d2 < 0.0 else 0.0)
+                dq1, ws1, hs1, a1, dq2, ws2, hs2, a2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                first_dq1, first_w1, first_h1, first_a1 = 0.0, 0.0, 0.0, 0.0
+                first_dq2, first_w2, first_h2, first_a2 = 0.0, 0.0, 0.0, 0.0
+                sum_q1, sum_w1, sum_h1, sum_a1, sum_q2, sum_w2, sum_h2, sum_a2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                wb1, wb2 = w1, w2
+                while stage < 4:  # the stages of the Runge-Kutta step, one after the other in the same machine code
+                    ahead = 0.0 if stage == 0 else (0.5 * span if stage < 3 else span)
+                    qs1, qs2 = q1 + ahead * dq1, q2 + ahead * dq2
+                    dq1, dq2 = d1 + ahead * a1, d2 + ahead * a2
+                    wb1, ws1, hs1, a1, rhs1, level1, wb2, ws2, hs2, a2, rhs2, level2 = _rates_two(
+                        now + ahead, qs1, dq1, w1 + ahead * ws1, heat1 + ahead * hs1, qs2, dq2, w2 + ahead * ws2,
+                        heat2 + ahead * hs2, v1, v2, x1, x2, sign1, sign2, stuck1, stuck2, p1, p2, on1, on2, has1,
+                        has2, load1, load2, p3, s, shared)
+                    if stuck1:
+                        dq1 = 0.0
+                    if stuck2:
+                        dq2 = 0.0
+                    if stage == 0:
+                        w1, w2 = wb1, wb2
+                        if not asked:
+                            asked = True
+                            dry1, dry2 = level1 > 0.0, level2 > 0.0
+                            stuck1, stuck2 = dry1 and sign1 == 0.0, dry2 and sign2 == 0.0
+                            if stuck1 or stuck2:  # at rest: what would it take to hold it there?
+                                continue
+                        pull1 = abs(rhs1) / level1 if stuck1 else 0.0
+                        pull2 = abs(rhs2) / level2 if stuck2 else 0.0
+                        if max(pull1, pull2) > 1.0:  # one breaks away, and what the other takes is asked anew
+                            if pull1 >= pull2:
+                                stuck1, sign1 = False, 1.0 if rhs1 > 0.0 else -1.0
+                            else:
+                                stuck2, sign2 = False, 1.0 if rhs2 > 0.0 else -1.0
+                            continue
+                        first_dq1, first_w1, first_h1, first_a1 = dq1, ws1, hs1, a1
+                        first_dq2, first_w2, first_h2, first_a2 = dq2, ws2, hs2, a2
+                        sum_q1, sum_w1, sum_h1, sum_a1 = dq1, ws1, hs1, a1
+                        sum_q2, sum_w2, sum_h2, sum_a2 = dq2, ws2, hs2, a2
+                        if euler:
+                            stage = 3
+                            sum_w1, sum_h1, sum_a1 = 6.0 * ws1, 6.0 * hs1, 6.0 * a1
+                            sum_w2, sum_h2, sum_a2 = 6.0 * ws2, 6.0 * hs2, 6.0 * a2
+                            sum_q1, sum_q2 = 6.0 * dq1 + span * sum_a1, 6.0 * dq2 + span * sum_a2
+                    else:
+                        weight = 2.0 if stage < 3 else 1.0
+                        sum_q1 += weight * dq1
+                        sum_w1 += weight * ws1
+                        sum_h1 += weight * hs1
+                        sum_a1 += weight * a1
+                        sum_q2 += weight * dq2
+                        sum_w2 += weight * ws2
+                        sum_h2 += weight * hs2
+                        sum_a2 += weight * a2
+                    stage += 1
+                    if stage == 4 and stopped == 0 and event < 6 and not euler:
+                        share = 1.0
+                        change1, change2 = span / 6.0 * sum_a1, span / 6.0 * sum_a2
+                        if dry1 and not stuck1 and d1 != 0.0 and (d1 + change1) * d1 < 0.0:  # it would reverse
+                            share, stopped = _crossing(d1, span * first_a1, change1), 1
+                        if dry2 and not stuck2 and d2 != 0.0 and (d2 + change2) * d2 < 0.0:
+                            part = _crossing(d2, span * first_a2, change2)
+                            if part < share:
+                                share, stopped = part, 2
+                        if stopped > 0:  # the step ends there
+                            span *= share
+                            stage = 1
+                            dq1, ws1, hs1, a1 = first_dq1, first_w1, first_h1, first_a1
+                            dq2, ws2, hs2, a2 = first_dq2, first_w2, first_h2, first_a2
+                            sum_q1, sum_w1, sum_h1, sum_a1 = dq1, ws1, hs1, a1
+                            sum_q2, sum_w2, sum_h2, sum_a2 = dq2, ws2, hs2, a2
+                q1 += span / 6.0 * sum_q1
+                d1 += span / 6.0 * sum_a1
+                q2 += span / 6.0 * sum_q2
+                d2 += span / 6.0 * sum_a2
+                w1 = w1 + span / 6.0 * sum_w1 if p1[ELECTRICAL] > 0.0 else wb1
+                w2 = w2 + span / 6.0 * sum_w2 if p2[ELECTRICAL] > 0.0 else wb2
+                heat1 += span / 6.0 * sum_h1
+                heat2 += span / 6.0 * sum_h2
+                if stopped == 0:
+                    break
+                if stopped == 1:
+                    d1 = 0.0
+                else:
+                    d2 = 0.0
+                now += span
+                left -= span
+                if left <= 0.0:
+                    break
+        if not (abs(d1) < 1e9 and abs(d2) < 1e9):
+            for kk in range(k + 1, T):
+                out[kk, 0], out[kk, 1] = 1e6, 1e6
+            return
+
+
 @njit(cache=True, error_model='numpy', nogil=True)
 def batch(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out,
           first, last):
@@ -884,6 +1065,10 @@ def batch(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigi
             continue
         xl = x[lo:hi] if x.shape[0] > 0 else x
         el = extra[b, lo:hi] if extra.shape[0] > 0 else np.zeros((0, u.shape[1]))
+        if pair and u.shape[1] == 2:
+            run_two(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], xl, el, starts[b, l], P[b, l], on[b],
+                    rigid[b], leak, rate_leak, substeps, out[b, lo:hi])
+            continue
         run(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], xl, el, starts[b, l], P[b, l], on[b],
             pair, rigid[b], leak, rate_leak, substeps, out[b, lo:hi], empty)
 '''

@@ -1,0 +1,122 @@
+"""Several laws of one variable that make up a law which none of them is.
+
+A line, a sine of the angle and a piece of a wave are an expansion of any smooth torque of the position, and a dry
+friction beside another one is an expansion of any friction. Such names describe the logs without saying what is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+from itertools import permutations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diagnosis.estimation import Fitted, errors, predicted_motion, weights
+from diagnosis.problem import Problem
+from diagnosis.projection import project
+from envs.log import Array
+from methods.effects.base import Effect
+
+if TYPE_CHECKING:
+    from diagnosis.engine import Accepted
+
+PERIODS = 1.5
+"""Periods of a wave that the logs have to show, where other torques of the position are there as well."""
+VAGUE = 0.02
+"""Relative deviation of a wave's length from which it is no finding of its own."""
+CANCELLING = 0.25
+"""Sum of torques of the position, as a share of the largest, below which they only describe another law."""
+
+
+class Patchwork(Enum):
+    """What several named laws of a joint stand for together."""
+
+    FRICTION = "one law of friction"
+    POSITION = "one smooth torque of the position"
+
+
+def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], margin: float) -> dict[int, Patchwork]:
+    """The joints (by index) whose accepted laws are pieces of another one.
+
+    Frictions: one contains the other, and the same friction cannot be there twice. Torques of the position: they nearly
+    cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a polynomial of the position with as many
+    coefficients explains the logs as well, up to `margin` of -2 log likelihood.
+    """
+    found: dict[int, Patchwork] = {}
+    for j in range(problem.joints):
+        own = [item.effect for item in accepted if item.joint == j]
+        names = {item.effect.name: item.label for item in accepted if item.joint == j}
+        places = [effect for effect in own if (effect.variable, effect.slot) == ("position", "torque")]
+        if any(
+            first.variable == second.variable == "velocity" and {first.name, names[first.name]} & set(second.includes)
+            for first, second in permutations(own, 2)
+        ):
+            found[j] = Patchwork.FRICTION
+        elif len(places) > 1 and (
+            is_piece(problem, final, j, places)
+            or is_cancelling(problem, final, j, places)
+            or is_polynomial(problem, final, j, places, margin)
+        ):
+            found[j] = Patchwork.POSITION
+    return found
+
+
+def is_piece(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect]) -> bool:
+    """Whether one of the laws is a wave of which the logs show a piece only."""
+    deviation = dict(zip((f.name for f in final.point.free), np.sqrt(np.diag(final.covariance)), strict=True))
+    span = float(np.ptp(problem.reading[problem.used, j]))
+    for effect in laws:
+        if effect.scan == "position":
+            cycles = final.point.parameters[0, j, problem.kernel.column(effect, "cycles_per_rev")]
+            vague = deviation.get(f"{effect.name}.cycles_per_rev@{j}", 0.0) > VAGUE * cycles
+            if vague and cycles * span < 2.0 * np.pi * PERIODS:
+                return True
+    return False
+
+
+def torques(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect], places: Array) -> Array:
+    """Torques (laws, N) of the position at places (N,)."""
+    row = final.point.parameters[0, j]
+    known = [(effect.function, row[problem.kernel.own(effect)].tolist()) for effect in laws]
+    return np.array([[law(0.0, q, 0.0, 0.0, [], p) for q in places.tolist()] for law, p in known if law is not None])
+
+
+def is_cancelling(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect]) -> bool:
+    """Whether the sum of the laws varies far less than the largest of them."""
+    reading = problem.reading[problem.used, j]
+    every = torques(problem, final, j, laws, np.quantile(reading, np.linspace(0.0, 1.0, 200)))
+    return bool(np.std(every.sum(axis=0)) < CANCELLING * np.max(np.std(every, axis=1)))
+
+
+def is_polynomial(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect], margin: float) -> bool:
+    """Whether a polynomial of the position with as many coefficients as the laws explains the logs as well.
+
+    It takes their place as the torque along the predicted motion that comes nearest to theirs; its coefficients and all
+    free parameters but the laws' own are then refitted to first order in the innovations.
+    """
+    names = {effect.name for effect in laws}
+    others = [not (f.joint == j and f.name.partition(".")[0] in names) for f in final.point.free]
+    position = predicted_motion(problem, final.point)[:, j, 0]
+    middle, half = (np.max(position) + np.min(position)) / 2.0, max(float(np.ptp(position)) / 2.0, 1e-300)
+    grid = np.linspace(-1.0, 1.0, 400)  # smooth laws: their torque in between is interpolated
+    law = np.interp(
+        (position - middle) / half, grid, torques(problem, final, j, laws, middle + half * grid).sum(axis=0)
+    )
+    powers = np.polynomial.legendre.legvander((position - middle) / half, len(others) - sum(others) - 1)
+    nearest = powers @ np.linalg.lstsq(powers, law, rcond=None)[0]
+    size = float(np.std(law))
+    extra = np.zeros((2 + powers.shape[1], len(position), problem.joints))
+    extra[1, :, j] = nearest - law
+    extra[2:, :, j] = 1e-3 * size * powers.T
+    outcome = errors(problem, [final.point] * len(extra), extra=extra)
+    scale = weights(final.innovation, problem.joints)
+    filtered = final.whitener(outcome - outcome[0])[1:] * scale
+    basis = np.vstack([final.jacobian[others], filtered[1:]])
+    away, certainty = np.zeros(len(basis)), np.zeros(len(basis))
+    away[: sum(others)] = (final.point.vector - [f.centre for f in final.point.free])[others]
+    certainty[: sum(others)] = np.array([f.deviation for f in final.point.free])[others] ** -2.0
+    rest = final.innovation * scale + filtered[0]
+    cost = float(rest @ rest) - project(basis, rest, certainty, away)[1]
+    return cost - float((final.innovation * scale) @ (final.innovation * scale)) < margin

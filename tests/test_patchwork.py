@@ -1,0 +1,76 @@
+"""Laws that are pieces of another one: a spring and a tilt that are a polynomial, a friction that is there twice."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.engine import Accepted
+from diagnosis.estimation import Fitted, fit
+from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.patchwork import Patchwork, is_polynomial, patchwork
+from diagnosis.problem import Problem, stack
+from diagnosis.search import Scored
+from envs.log import JointFacts, Log
+from methods.base import State
+from methods.effects import built_in
+from methods.kernel import build
+from methods.structured import StructuredJoint, StructuredModel
+
+EFFECTS = built_in()
+NAMED = {effect.name: effect for effect in EFFECTS}
+KERNEL = build(EFFECTS)
+JOINT = {"inertia": 0.07, "viscous": 0.02, "back_emf": 0.7, "electrical_time_constant": 0.004}
+SPRING_AND_TILT = {
+    "cable_spring": {"stiffness": 0.15, "pull": 0.02},
+    "gravity_tilt": {"sine": 0.2, "cosine": 0.1},
+}
+MARGIN = 6.0
+
+
+def problem_of(effects: dict[str, dict[str, float]], amplitude: float, step: float) -> Problem:
+    """A voltage-driven joint under sines of this amplitude [V], read by an encoder of this step [rad]."""
+    time = 2e-3 * np.arange(5000)
+    hertz = np.array([0.3, 0.7, 1.3, 2.9, 5.3])
+    command = amplitude * np.sum(np.sin(2 * np.pi * np.outer(time, hertz) + np.arange(5)), axis=1)[:, None]
+    model = StructuredModel((StructuredJoint(1, "voltage", JOINT, effects),), 2e-3, None, EFFECTS)
+    position = model.simulate(time, command, State.at_rest(0.0)).position
+    facts = JointFacts(input="voltage", position_unit="rad", encoder_step=step)
+    return stack(KERNEL, [Log(time, command, step * np.round(position / step), (1,), facts=(facts,))], (1,))
+
+
+def fitted_with(problem: Problem, effects: dict[str, dict[str, float]]) -> tuple[Fitted, list[Accepted]]:
+    """The nominal model with these effects, begun with the given parameters, and the effects as if accepted."""
+    nominal = fit_nominal(problem, (JointStructure(),))
+    point, starts = nominal.point, []
+    for name, known in effects.items():
+        effect = NAMED[name]
+        values = np.array([[known[p.name] for p in effect.parameters]])
+        starts.append(Start(Hypothesis(effect, 0), values, 0.0))
+        point = extend(problem, point, starts[-1].hypothesis, values)
+    fitted = fit(problem, point, rounds=3, iterations=12)
+    return fitted, [Accepted(Scored(start, fitted, 1e3, 10.0), 0.1, ()) for start in starts]
+
+
+@pytest.mark.parametrize(("amplitude", "step", "alike"), [(1.5, 1e-5, False), (0.2, 1e-3, True)])
+def test_a_polynomial_is_as_good_as_spring_and_tilt_only_where_the_logs_show_no_sine(amplitude, step, alike) -> None:
+    problem = problem_of(SPRING_AND_TILT, amplitude, step)
+    fitted, accepted = fitted_with(problem, SPRING_AND_TILT)
+    laws = [item.effect for item in accepted]
+    assert is_polynomial(problem, fitted, 0, laws, MARGIN) is alike
+    assert patchwork(problem, fitted, accepted, MARGIN) == ({0: Patchwork.POSITION} if alike else {})
+    assert patchwork(problem, fitted, accepted[:1], MARGIN) == {}  # one law is no patchwork
+
+
+def test_the_same_friction_cannot_be_there_twice() -> None:
+    problem = problem_of({"coulomb_friction": {"torque": 0.05}}, 1.2, 1e-5)
+    fitted, accepted = fitted_with(problem, {"coulomb_friction": {"torque": 0.05}})
+
+    def beside(name: str) -> dict[int, Patchwork]:
+        start = Start(Hypothesis(NAMED[name], 0), np.zeros((1, 1)), 0.0)
+        other = replace(accepted[0], scored=replace(accepted[0].scored, start=start))
+        return patchwork(problem, fitted, [accepted[0], other], MARGIN)
+
+    assert beside("stribeck_friction") == {0: Patchwork.FRICTION}
+    assert beside("quadratic_drag") == {}

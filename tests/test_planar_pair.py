@@ -1,0 +1,103 @@
+"""Two coupled joints in the compiled models: one at rest that the other pushes, and the fast form of the simulation."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from diagnosis.estimation import errors, predicted_motion
+from diagnosis.hypotheses import Hypothesis, extend, sizes_of
+from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.problem import Problem, stack
+from envs.log import Array, JointFacts, Log
+from methods.base import State
+from methods.effects import built_in
+from methods.kernel import build
+from methods.structured import PlanarCoupling, StructuredJoint, StructuredModel
+
+EFFECTS = built_in()
+NAMED = {effect.name: effect for effect in EFFECTS}
+KERNEL = build(EFFECTS)
+DT, STEP, BURN_IN = 1e-3, 1e-6, 0.3
+FIRST = {"inertia": 0.03, "viscous": 0.02, "back_emf": 0.3}
+SECOND = {"inertia": 0.02, "viscous": 0.02, "back_emf": 0.1}
+COUPLING = PlanarCoupling(0.01, 1.25, 0.012)
+
+
+def pair_with(**frictions: float) -> StructuredModel:
+    first = StructuredJoint(1, "voltage", FIRST, {name: {"torque": value} for name, value in frictions.items()})
+    return StructuredModel((first, StructuredJoint(2, "voltage", SECOND, {})), DT, COUPLING, EFFECTS)
+
+
+def commands(samples: int, first: float, second: float) -> Array:
+    """Held commands: a slow sine for joint 1, a square wave for joint 2."""
+    time = DT * np.arange(samples)
+    return np.column_stack([first * np.sin(2 * np.pi * 0.7 * time), second * np.sign(np.sin(2 * np.pi * 1.3 * time))])
+
+
+def reference(command: Array, friction: float) -> Array:
+    """Angles (T, 2) by a stiff solver from the textbook equations, dry friction as a steep slope of the velocity."""
+
+    def rates(t: float, x: Array, u: Array) -> Array:
+        q2, d1, d2 = x[1], x[2], x[3]
+        p3, s, p2 = COUPLING.coupling_inertia, COUPLING.unit_ratio, COUPLING.shared_inertia
+        torque1 = u[0] - 0.32 * d1 - friction * np.tanh(d1 / 1e-5)
+        torque2 = (u[1] - 0.12 * d2) / s
+        mass = np.array(
+            [[FIRST["inertia"] + p2 + 2 * p3 * np.cos(q2), p2 + p3 * np.cos(q2)], [0.0, SECOND["inertia"] / s]]
+        )
+        mass[1, 0] = mass[0, 1]
+        coriolis = p3 * np.sin(q2) * np.array([-(2 * d1 * d2 + d2**2), d1**2])
+        return np.concatenate([x[2:], np.linalg.solve(mass, [torque1, torque2] - coriolis)])
+
+    states = np.zeros((len(command), 4))
+    for k in range(len(command) - 1):
+        held = command[k]
+        done = solve_ivp(rates, (0.0, DT), states[k], "Radau", args=(held,), rtol=1e-8, atol=1e-11)
+        states[k + 1] = done.y[:, -1]
+    return states[:, :2]
+
+
+def test_a_joint_at_rest_is_pushed_by_the_other_one() -> None:
+    """Joint 1 has no command; only the reaction of joint 2 moves it against its dry friction."""
+    command = commands(800, 0.0, 0.4)
+    time = DT * np.arange(len(command))
+    moved = pair_with(coulomb_friction=0.05).simulate(time, command, State.at_rest(np.zeros(2))).position
+    expected = reference(command, 0.05)
+    assert np.ptp(expected[:, 0]) > 0.02
+    assert moved == pytest.approx(expected, abs=2e-3 * np.ptp(expected[:, 0]))
+    held = pair_with(coulomb_friction=2.0).simulate(time, command, State.at_rest(np.zeros(2))).position
+    assert np.ptp(held[:, 0]) == 0.0
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    command = commands(3000, 0.3, 0.4)
+    time = DT * np.arange(len(command))
+    position = pair_with(coulomb_friction=0.05).simulate(time, command, State.at_rest(np.zeros(2))).position
+    facts = (JointFacts(input="voltage", position_unit="rad", encoder_step=STEP),) * 2
+    log = Log(time, command, STEP * np.round(position / STEP), (1, 2), facts=facts)
+    return stack(KERNEL, [log], (1, 2), pair=True, burn_in=BURN_IN)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        [],
+        ["coulomb_friction", "dead_zone"],
+        ["presliding_friction", "amplifier_lag"],
+        ["thermal_drift", "cable_spring"],
+        ["payload_change"],
+    ],
+)
+def test_simulation_in_registers_is_the_general_one(problem: Problem, names: list[str]) -> None:
+    nominal = fit_nominal(problem, (JointStructure(),) * 2)
+    point, sizes = nominal.point, sizes_of(problem, nominal)
+    for name in names:
+        for j in range(2):
+            effect = NAMED[name]
+            values = [0.002, 1.5] if name == "payload_change" else next(iter(effect.starts(sizes[j])))
+            point = extend(problem, point, Hypothesis(effect, j), np.array([values], float))
+    predicted = problem.reading - predicted_motion(problem, point)[:, :, 0]
+    assert np.array_equal(errors(problem, [point])[0], predicted)
+    if names:
+        assert not np.array_equal(errors(problem, [nominal.point])[0], predicted)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum
-from itertools import permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +21,8 @@ from methods.effects.base import Effect
 if TYPE_CHECKING:
     from diagnosis.engine import Accepted
 
+DRY = "coulomb_friction"
+"""What every law of dry friction contains."""
 PERIODS = 1.5
 """Periods of a wave that the logs have to show, where other torques of the position are there as well."""
 VAGUE = 0.02
@@ -40,19 +41,15 @@ class Patchwork(Enum):
 def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], margin: float) -> dict[int, Patchwork]:
     """The joints (by index) whose accepted laws are pieces of another one.
 
-    Frictions: one contains the other, and the same friction cannot be there twice. Torques of the position: they nearly
+    Frictions: both contain dry friction, which cannot be there twice. Torques of the position: they nearly
     cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a polynomial of the position with as many
     coefficients explains the logs as well, up to `margin` of -2 log likelihood.
     """
     found: dict[int, Patchwork] = {}
     for j in range(problem.joints):
         own = [item.effect for item in accepted if item.joint == j]
-        names = {item.effect.name: item.label for item in accepted if item.joint == j}
         places = [effect for effect in own if (effect.variable, effect.slot) == ("position", "torque")]
-        if any(
-            first.variable == second.variable == "velocity" and {first.name, names[first.name]} & set(second.includes)
-            for first, second in permutations(own, 2)
-        ):
+        if sum(DRY in (effect.label, *effect.includes) for effect in own) > 1:
             found[j] = Patchwork.FRICTION
         elif len(places) > 1 and (
             is_piece(problem, final, j, places)

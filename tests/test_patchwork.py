@@ -72,5 +72,5 @@ def test_the_same_friction_cannot_be_there_twice() -> None:
         other = replace(accepted[0], scored=replace(accepted[0].scored, start=start))
         return patchwork(problem, fitted, [accepted[0], other], MARGIN)
 
-    assert beside("stribeck_friction") == {0: Patchwork.FRICTION}
+    assert beside("stribeck_friction") == beside("presliding_friction") == {0: Patchwork.FRICTION}
     assert beside("quadratic_drag") == {}

@@ -14,6 +14,7 @@ import numpy as np
 from diagnosis.estimation import Fitted, Point, errors, fit
 from diagnosis.problem import Free, Problem
 from diagnosis.regression import View
+from envs.log import Array
 from methods.kernel import NOMINAL
 
 SHIFT, STEPPING = NOMINAL.index("timing"), NOMINAL.index("stepping")
@@ -63,8 +64,7 @@ def promises(problem: Problem, exact: Fitted) -> dict[tuple[bool, bool], float]:
         parameters = point.parameters.copy()
         parameters[:, j, SHIFT] = PROBE * problem.sample_time
         moved.append(replace(point, parameters=parameters))
-    parameters = point.parameters.copy()
-    parameters[..., STEPPING] = 1.0
+    parameters = _stepped(problem, point, euler=True)
     rows = view.sensitivities(errors(problem, [*moved, replace(point, parameters=parameters)]) - exact.error)
     shifts, steps, residual = rows[:-1], rows[-1], view.residual
     gained = lambda sensitivity, changed: view.promise(problem, view.least(sensitivity, changed)[2])  # noqa: E731
@@ -101,8 +101,7 @@ def _delayed(problem: Problem, point: Point, joint: int) -> bool:
 def _timed(problem: Problem, fitted: Fitted, *, free: bool, euler: bool) -> Fitted:
     """The same model with another timing, as it is where it has that; joints with a delay keep theirs at zero."""
     point, dt = fitted.point, problem.sample_time
-    parameters = point.parameters.copy()
-    parameters[..., STEPPING] = float(euler)
+    parameters = _stepped(problem, point, euler=euler)
     found = [f for f in point.free if not _is_shift(f)]
     for j in range(problem.joints):
         if free and not _delayed(problem, point, j):
@@ -111,6 +110,19 @@ def _timed(problem: Problem, fitted: Fitted, *, free: bool, euler: bool) -> Fitt
             parameters[:, j, SHIFT] = 0.0
     other = replace(point, parameters=parameters, free=tuple(found))
     return fitted if _same(point, other) else fit(problem, other, rounds=2, iterations=4)
+
+
+def _stepped(problem: Problem, point: Point, *, euler: bool) -> Array:
+    """The model's parameters with Euler's steps or without; a delay takes the half step that comes with them."""
+    parameters = point.parameters.copy()
+    half = 0.5 * problem.sample_time * (float(euler) - parameters[..., STEPPING])
+    for effect in problem.kernel.effects:
+        if effect.replaces == "timing":
+            column = problem.kernel.offsets[effect.name]
+            on = point.switches[:, problem.kernel.switches[effect.name]]
+            parameters[..., column] = np.maximum(parameters[..., column] + half * on, 0.0)
+    parameters[..., STEPPING] = float(euler)
+    return parameters
 
 
 def _same(point: Point, other: Point) -> bool:

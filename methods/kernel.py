@@ -22,7 +22,8 @@ where M22 exceeds p2 by a rotor that turns with joint 2 alone.
 A winding lag that is too short for the steps (a fifth of one) acts as a delay of the command, which is the same to
 second order.
 
-Integration: fourth-order Runge-Kutta with the command averaged exactly over each step (hold and delay included); dry
+Integration: fourth-order Runge-Kutta with the command over each step (hold and delay included) taken as the straight
+line that has its mean and its first moment; dry
 friction is handled by events (a joint stops inside a step, rests while the other forces stay below the friction level,
 and breaks away), bristles and the low-pass of the amplifier by their exact exponential solution.
 """
@@ -275,6 +276,33 @@ def _held(cumulative, u, hold, s):
     return cumulative[k] + u[k] * f + 0.5 * (u[k + 1] - u[k]) * f * f
 
 
+@njit(cache=True, inline='always', error_model='numpy')
+def _value(u, hold, s):
+    """The held command s samples after the first one."""
+    k = min(max(int(math.floor(s)), 0), u.shape[0] - 1)
+    if hold == 0 or s <= 0.0 or k + 1 >= u.shape[0]:
+        return u[k]
+    return u[k] + (u[k + 1] - u[k]) * (s - k)
+
+
+@njit(cache=True, error_model='numpy')
+def _rise(u, hold, a, b):
+    """Rise over [a, b] (in samples, at most one long) of the straight line with the mean and the first moment of the
+    held command: ``12 / (b - a)^2 int u (x - (a + b) / 2) dx``."""
+    length, inner = b - a, math.floor(a) + 1.0
+    if inner >= b:
+        return _value(u, hold, b) - _value(u, hold, a) if hold != 0 else 0.0
+    centre, moment = 0.5 * (a + b), 0.0
+    for piece in range(2):
+        lo, hi = (a, inner) if piece == 0 else (inner, b)
+        part, middle = hi - lo, 0.5 * (lo + hi)
+        moment += _value(u, hold, middle) * part * (middle - centre)
+        if hold != 0:
+            near = 1e-9 * part  # a corner belongs to both of its sides
+            moment += (_value(u, hold, hi - near) - _value(u, hold, lo + near)) * part * part / 12.0
+    return 12.0 * moment / (length * length)
+
+
 @njit(cache=True, error_model='numpy')
 def _present(on, has):
     """Which slots have any effect: command, gain, torque, friction."""
@@ -449,16 +477,18 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
 
 @njit(cache=True, inline='always', error_model='numpy')
 def _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on):
-    """Mean of the held, delayed command over substep i of sample k; a lag below zero stands for a delay."""
+    """Held, delayed command over substep i of sample k: its mean, and how much the straight line with the same first
+    moment rises, so that angle and velocity are both right behind a jump. A lag below zero stands for a delay."""
     shift = p[TIMING] / dt
     if p[ELECTRICAL] < 0.0:
         shift -= p[ELECTRICAL] / dt
     if DELAY >= 0 and on[DELAY]:
         shift += p[DELAY_P] / dt
     if shift == 0.0 and hold == 0:
-        return u[k]
+        return u[k], 0.0
     a = k + i / substeps - shift
-    return (_held(cumulative, u, hold, a + 1.0 / substeps) - _held(cumulative, u, hold, a)) * substeps
+    b = a + 1.0 / substeps
+    return (_held(cumulative, u, hold, b) - _held(cumulative, u, hold, a)) * substeps, _rise(u, hold, a, b)
 
 
 @njit(cache=True, error_model='numpy')
@@ -581,6 +611,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     P = _resolved(P, (t[1] - t[0]) / substeps)
     D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 7))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
+    rises = np.zeros(n); volts = np.zeros(n)
     bristle = np.zeros(n); extra = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
     xs = np.zeros((n, 3))
     keep = motion.shape[0] == T
@@ -621,12 +652,24 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             for j in range(n):
                 p = P[j]
                 S[j, DQ] = _grasp(now, h, S[j, DQ], p, on[j])
-                v = _amplifier(k, i, substeps, dt, hold[j], u[:, j], cumulative[:, j], p, on[j])
+                v, rise = _amplifier(k, i, substeps, dt, hold[j], u[:, j], cumulative[:, j], p, on[j])
+                high = v
                 if has[j, 0]:
-                    v = _command(v, now, S[j, Q], S[j, DQ], S[j, W], p, on[j])
+                    base, half = v, 0.5 * rise
+                    for end in range(3 if rise != 0.0 else 1):  # in the middle of the step, then at its ends
+                        given = base + (half if end == 1 else (-half if end == 2 else 0.0))
+                        through = _command(given, now, S[j, Q], S[j, DQ], S[j, W], p, on[j])
+                        if end == 0:
+                            v = through
+                        elif end == 1:
+                            high = through
+                        else:
+                            rise = high - through
                 if LAG >= 0 and on[j, LAG]:
+                    before_lag = S[j, A]
                     v, S[j, A] = _low_pass(v, S[j, A], h, p[LAG_P])
-                c[j] = v
+                    rise = S[j, A] - before_lag
+                c[j], rises[j] = v, 0.0 if euler else rise
                 bristle[j] = 0.0
                 if _bristled(on[j]):
                     bristle[j], z[j] = _bristle(z[j], S[j, DQ], h, p, on[j])
@@ -641,9 +684,11 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                 while stage < 4:  # the stages of the Runge-Kutta step, one after the other in the same machine code
                     ahead = 0.0 if stage == 0 else (0.5 * span if stage < 3 else span)
                     for j in range(n):
+                        volts[j] = c[j] + rises[j] * ((h - left + ahead) / h - 0.5)
                         for m in range(7):
                             B[j, m] = S[j, m] + ahead * D[j, m] if stage else S[j, m]
-                    _rates(at + ahead, B, D, c, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs)
+                    _rates(at + ahead, B, D, volts, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level,
+                           rhs)
                     if stage == 0:
                         again, loose, most = False, -1, 1.0
                         for j in range(n):
@@ -782,11 +827,25 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
         for i in range(substeps):
             begin = t[k] - t0 + i * h
             dq = _grasp(begin, h, dq, p, on)
-            v = _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on)
+            v, rise = _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on)
+            high = v
             if has[0]:
-                v = _command(v, begin, q, dq, w, p, on)
+                base, half = v, 0.5 * rise
+                for end in range(3 if rise != 0.0 else 1):  # in the middle of the step, then at its ends
+                    given = base + (half if end == 1 else (-half if end == 2 else 0.0))
+                    through = _command(given, begin, q, dq, w, p, on)
+                    if end == 0:
+                        v = through
+                    elif end == 1:
+                        high = through
+                    else:
+                        rise = high - through
             if LAG >= 0 and on[LAG]:
+                before_lag = lag
                 v, lag = _low_pass(v, lag, h, p[LAG_P])
+                rise = lag - before_lag
+            if euler:
+                rise = 0.0
             load = disturbance
             if _bristled(on):
                 torque, z = _bristle(z, dq, h, p, on)
@@ -804,7 +863,7 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
                     dqs, dqls = dq + ahead * a, dql + ahead * b
                     wb, ws, hs, a, b, rhs, level = _rates_one(
                         begin + ahead, qs, dqs, w + ahead * ws, heat + ahead * hs, qls, dqls,
-                        v, xs, sign, stuck, p, on, has, load)
+                        v + rise * ((h - left + ahead) / h - 0.5), xs, sign, stuck, p, on, has, load)
                     if stage == 0:
                         w = wb
                         if level > 0.0 and sign == 0.0:  # at rest: it stays there or breaks away
@@ -928,16 +987,43 @@ def run_two(t, u, cumulative, hold, y, x, extra_in, start, P, switches, rigid, l
         for i in range(substeps):
             now = t[k] - t0 + i * h
             d1, d2 = _grasp(now, h, d1, p1, on1), _grasp(now, h, d2, p2, on2)
-            v1 = _amplifier(k, i, substeps, dt, hold[0], u1, cumulative1, p1, on1)
-            v2 = _amplifier(k, i, substeps, dt, hold[1], u2, cumulative2, p2, on2)
+            v1, rise1 = _amplifier(k, i, substeps, dt, hold[0], u1, cumulative1, p1, on1)
+            v2, rise2 = _amplifier(k, i, substeps, dt, hold[1], u2, cumulative2, p2, on2)
+            high1, high2 = v1, v2
             if has1[0]:
-                v1 = _command(v1, now, q1, d1, w1, p1, on1)
+                base, half = v1, 0.5 * rise1
+                for end in range(3 if rise1 != 0.0 else 1):  # in the middle of the step, then at its ends
+                    given = base + (half if end == 1 else (-half if end == 2 else 0.0))
+                    through = _command(given, now, q1, d1, w1, p1, on1)
+                    if end == 0:
+                        v1 = through
+                    elif end == 1:
+                        high1 = through
+                    else:
+                        rise1 = high1 - through
             if has2[0]:
-                v2 = _command(v2, now, q2, d2, w2, p2, on2)
+                base, half = v2, 0.5 * rise2
+                for end in range(3 if rise2 != 0.0 else 1):  # in the middle of the step, then at its ends
+                    given = base + (half if end == 1 else (-half if end == 2 else 0.0))
+                    through = _command(given, now, q2, d2, w2, p2, on2)
+                    if end == 0:
+                        v2 = through
+                    elif end == 1:
+                        high2 = through
+                    else:
+                        rise2 = high2 - through
             if LAG >= 0 and on1[LAG]:
+                before1 = lag1
                 v1, lag1 = _low_pass(v1, lag1, h, p1[LAG_P])
+                rise1 = lag1 - before1
+            if euler:
+                rise1 = 0.0
             if LAG >= 0 and on2[LAG]:
+                before2 = lag2
                 v2, lag2 = _low_pass(v2, lag2, h, p2[LAG_P])
+                rise2 = lag2 - before2
+            if euler:
+                rise2 = 0.0
             load1, load2 = outer1, outer2
             if _bristled(on1):
                 torque, z1 = _bristle(z1, d1, h, p1, on1)
@@ -958,11 +1044,13 @@ def run_two(t, u, cumulative, hold, y, x, extra_in, start, P, switches, rigid, l
                 wb1, wb2 = w1, w2
                 while stage < 4:  # the stages of the Runge-Kutta step, one after the other in the same machine code
                     ahead = 0.0 if stage == 0 else (0.5 * span if stage < 3 else span)
+                    place = (h - left + ahead) / h - 0.5
                     qs1, qs2 = q1 + ahead * dq1, q2 + ahead * dq2
                     dq1, dq2 = d1 + ahead * a1, d2 + ahead * a2
                     wb1, ws1, hs1, a1, rhs1, level1, wb2, ws2, hs2, a2, rhs2, level2 = _rates_two(
                         now + ahead, qs1, dq1, w1 + ahead * ws1, heat1 + ahead * hs1, qs2, dq2, w2 + ahead * ws2,
-                        heat2 + ahead * hs2, v1, v2, x1, x2, sign1, sign2, stuck1, stuck2, p1, p2, on1, on2, has1,
+                        heat2 + ahead * hs2, v1 + rise1 * place, v2 + rise2 * place, x1, x2, sign1, sign2, stuck1,
+                        stuck2, p1, p2, on1, on2, has1,
                         has2, load1, load2, p3, s, shared)
                     if stuck1:
                         dq1 = 0.0

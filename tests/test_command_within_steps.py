@@ -1,4 +1,4 @@
-"""A command that changes within a step, by its hold or a delay: angle and velocity behind it are those of the command."""
+"""A command that changes within a step, by its hold or a delay: angle and velocity behind it are right."""
 
 from dataclasses import replace
 

@@ -24,6 +24,8 @@ OTHER_MACHINE, REFUSED_MACHINE = 2.5, 5.0
 EXPLAINED = 0.7
 #: The same before a recording may be refused for it: what else drives a joint must not be taken for its inertia.
 SURE = 0.9
+#: The same for what only the inertia explains: beside a large back-EMF, a winding's lag passes for a smaller one.
+OWN = 0.03
 
 
 def with_robot(log: Log, robot: Robot) -> tuple[Log, tuple[Finding, ...]]:
@@ -124,7 +126,7 @@ def lone_inertia(log: Log) -> tuple[int, float, float] | None:
     if len(found) != 1 or np.sum(np.ptp(log.position, axis=0) > 0.0) != 1:
         return None
     ((joint, physics),) = found.items()
-    if physics.inertia is None or physics.inertia <= 0.0 or physics.explained < EXPLAINED:
+    if physics.inertia is None or physics.inertia <= 0.0 or physics.explained < EXPLAINED or physics.own_share < OWN:
         return None
     return joint, physics.inertia, physics.explained
 

@@ -32,12 +32,13 @@ class Rough:
     """A joint in units of its command.
 
     inertia: [command s^2/rad or m], None when the recording does not determine it. explained: share of the command's
-    variance that inertia, damping, dry friction and gravity explain.
+    variance that inertia, damping, dry friction and gravity explain, own_share: the part of it that only inertia does.
     work: net work of the command over its magnitude, -1 to 1; a motor that drives a joint with friction is above zero.
     """
 
     inertia: float | None
     explained: float
+    own_share: float
     work: float
 
 
@@ -69,19 +70,21 @@ def rough(log: Log, joint: int) -> Rough | None:
     return Rough(*_inertia(np.column_stack(columns), u, span), work)
 
 
-def _inertia(matrix: Array, target: Array, correlation: int) -> tuple[float | None, float]:
-    """First coefficient where it is determined, and the share of the variance that all explain."""
+def _inertia(matrix: Array, target: Array, correlation: int) -> tuple[float | None, float, float]:
+    """First coefficient where it is determined, and the shares of the variance that all and only the first explain."""
     scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
     scaled = matrix / scale
     gram = scaled.T @ scaled
     if np.linalg.cond(gram) > 1e8:
-        return None, 0.0
+        return None, 0.0, 0.0
     solution = np.linalg.solve(gram, scaled.T @ target)
     residual = target - scaled @ solution
     explained = 1.0 - float(np.var(residual) / np.var(target))
-    deviation = float(np.sqrt(correlation * np.mean(residual**2) * np.linalg.inv(gram)[0, 0]))
+    spread = np.linalg.inv(gram)[0, 0]
+    deviation = float(np.sqrt(correlation * np.mean(residual**2) * spread))
     known = abs(solution[0]) > KNOWN * deviation
-    return (float(solution[0] / scale[0]) if known else None), explained
+    own_share = float(solution[0] ** 2 / spread / len(target) / np.var(target))
+    return (float(solution[0] / scale[0]) if known else None), explained, own_share
 
 
 def moved(log: Log) -> dict[int, Rough]:

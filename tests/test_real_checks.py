@@ -82,6 +82,28 @@ def test_recordings_of_two_machines_are_refused_or_said() -> None:
     assert "different_machine" in kinds
 
 
+def test_a_slow_recording_is_no_other_machine() -> None:
+    """Where the back-EMF is nearly all of the command, a winding's lag alone takes away most of an inertia of 2.7."""
+    time = np.asarray(STEP * np.arange(6000), dtype=np.float64)
+    facts = (JointFacts(position_unit="m", encoder_step=5e-8),)
+
+    def moving(scale: float, inertia: float, name: str) -> Log:
+        position, command = np.zeros(len(time)), np.zeros(len(time))
+        for w in 2.0 * np.pi * scale * np.array([0.2, 0.33]):
+            position += np.sin(w * time) / w
+            command += 5.8 * np.cos(w * time) - inertia * w * np.sin(w * time)
+        return Log(time, command[:, None], position[:, None], name=name, source=name, facts=facts)
+
+    fast, slow = moving(10.0, 2.7, "fast"), moving(0.7, 0.3, "slow")
+    physics = rough(slow, 1)
+    assert physics is not None
+    assert physics.inertia == pytest.approx(0.3, rel=0.2)
+    assert physics.own_share < 0.03
+    assert check_together([fast, slow]) == ()
+    with pytest.raises(LogError, match="different machines"):
+        check_together([fast, moving(10.0, 0.3, "other")])
+
+
 def test_a_load_that_is_lowered_is_not_a_wrong_sign() -> None:
     """A motor that only brakes a weight takes energy out of the joint, and rightly so."""
     time = np.asarray(STEP * np.arange(2000), dtype=np.float64)

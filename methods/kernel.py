@@ -531,11 +531,19 @@ def _finer(P, on, h):
 
 
 @njit(cache=True, inline='always', error_model='numpy')
-def _low_pass(v, state, h, time_constant):
-    """Exact first-order low-pass over a step with constant input: (mean output, state at the end)."""
-    T = max(time_constant, 1e-12)
-    decay = math.exp(-h / T)
-    return v + (state - v) * (1.0 - decay) * T / h, v + (state - v) * decay
+def _low_pass(v, rise, state, h, time_constant):
+    """Exact first-order low-pass over a step in which the input rises along a line of mean v: (mean, rise of the line
+    with the output's first moment, state at the end)."""
+    a = h / max(time_constant, 1e-12)
+    decay = math.exp(-a)
+    begin = v - 0.5 * rise
+    away = state - begin + rise / a
+    if a < 0.01:
+        moment = a * (-1.0 / 12.0 + a * (1.0 / 24.0 - a / 80.0))
+    else:
+        moment = (1.0 - decay * (1.0 + a)) / (a * a) - 0.5 * (1.0 - decay) / a
+    mean = v - rise / a + away * (1.0 - decay) / a
+    return mean, rise + 12.0 * away * moment, begin + rise - rise / a + away * decay
 
 
 @njit(cache=True, inline='always', error_model='numpy')
@@ -666,9 +674,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                         else:
                             rise = high - through
                 if LAG >= 0 and on[j, LAG]:
-                    before_lag = S[j, A]
-                    v, S[j, A] = _low_pass(v, S[j, A], h, p[LAG_P])
-                    rise = S[j, A] - before_lag
+                    v, rise, S[j, A] = _low_pass(v, rise, S[j, A], h, p[LAG_P])
                 c[j], rises[j] = v, 0.0 if euler else rise
                 bristle[j] = 0.0
                 if _bristled(on[j]):
@@ -841,9 +847,7 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
                     else:
                         rise = high - through
             if LAG >= 0 and on[LAG]:
-                before_lag = lag
-                v, lag = _low_pass(v, lag, h, p[LAG_P])
-                rise = lag - before_lag
+                v, rise, lag = _low_pass(v, rise, lag, h, p[LAG_P])
             if euler:
                 rise = 0.0
             load = disturbance
@@ -1013,15 +1017,11 @@ def run_two(t, u, cumulative, hold, y, x, extra_in, start, P, switches, rigid, l
                     else:
                         rise2 = high2 - through
             if LAG >= 0 and on1[LAG]:
-                before1 = lag1
-                v1, lag1 = _low_pass(v1, lag1, h, p1[LAG_P])
-                rise1 = lag1 - before1
+                v1, rise1, lag1 = _low_pass(v1, rise1, lag1, h, p1[LAG_P])
             if euler:
                 rise1 = 0.0
             if LAG >= 0 and on2[LAG]:
-                before2 = lag2
-                v2, lag2 = _low_pass(v2, lag2, h, p2[LAG_P])
-                rise2 = lag2 - before2
+                v2, rise2, lag2 = _low_pass(v2, rise2, lag2, h, p2[LAG_P])
             if euler:
                 rise2 = 0.0
             load1, load2 = outer1, outer2

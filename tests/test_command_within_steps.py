@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from diagnosis.estimation import errors, predicted_motion
+from diagnosis.estimation import Point, errors, predicted_motion
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, point_at
-from diagnosis.problem import stack
+from diagnosis.problem import Problem, stack
 from envs.log import Array, JointFacts, Log
 from methods.effects import built_in
 from methods.kernel import NOMINAL, build
@@ -30,23 +31,47 @@ def exact(command: Array, linear: bool, delay: float) -> Array:
     return np.concatenate([[0.0], way[FINE - 1 :: FINE]])
 
 
+def inertia_with(command: Array, reading: Array, hold: str, name: str, value: float) -> tuple[Problem, Point]:
+    """A log of an inertia under a command, and its model with an effect of one parameter, exact from the beginning."""
+    facts = JointFacts(input="torque", position_unit="rad", encoder_step=1e-6, hold=hold)
+    log = Log(DT * np.arange(len(command)), command[:, None], reading[:, None], (1,), facts=(facts,))
+    problem = stack(KERNEL, [log], (1,))
+    point = point_at(problem, (JointStructure(input="torque"),), (False,))
+    parameters = np.zeros_like(point.parameters)
+    parameters[..., NOMINAL.index("inertia")] = INERTIA
+    point = replace(point, parameters=parameters, starts=np.zeros_like(point.starts))
+    return problem, extend(problem, point, Hypothesis(NAMED[name], 0), np.array([[value]]))
+
+
 @pytest.mark.parametrize("hold", ["zero_order", "first_order"])
 @pytest.mark.parametrize("delay", [0.0, 0.6e-3, 2.7e-3])
 def test_an_inertia_follows_jumps_exactly(hold: str, delay: float) -> None:
     rng = np.random.default_rng(0)
     command = np.repeat(rng.choice([-1.0, 1.0], 60), 5)
     expected = exact(command, hold == "first_order", delay)
-    facts = JointFacts(input="torque", position_unit="rad", encoder_step=1e-6, hold=hold)
-    log = Log(DT * np.arange(len(command)), command[:, None], expected[:, None], (1,), facts=(facts,))
-    problem = stack(KERNEL, [log], (1,))
-    point = point_at(problem, (JointStructure(input="torque"),), (False,))
-    parameters = np.zeros_like(point.parameters)
-    parameters[..., NOMINAL.index("inertia")] = INERTIA
-    point = replace(point, parameters=parameters, starts=np.zeros_like(point.starts))
-    if delay:
-        point = extend(problem, point, Hypothesis(NAMED["input_delay"], 0), np.array([[delay]]))
+    problem, point = inertia_with(command, expected, hold, "input_delay", delay)
     error = errors(problem, [point], leak=False)[0, :, 0]
     assert np.max(np.abs(error)) < 1e-6 * np.ptp(expected)
     assert np.ptp(expected) > 0.1
     general = problem.reading - predicted_motion(problem, point)[:, :, 0]
     assert np.array_equal(errors(problem, [point])[0], general)
+
+
+@pytest.mark.parametrize("lag", [0.0, 1e-4, 1.5e-3, 0.02])
+@pytest.mark.parametrize("hold", ["zero_order", "first_order"])
+def test_a_lag_is_exact_behind_jumps(hold: str, lag: float) -> None:
+    """The command filtered on a fine grid by the exact recursion, then integrated twice, is what the model moves by."""
+    command = np.repeat(np.random.default_rng(1).choice([-1.0, 1.0], 60), 5)
+    fine, time = DT / FINE, DT * np.arange(len(command))
+    grid = fine * (np.arange(FINE * (len(command) - 1)) + 0.5)
+    held = np.interp(grid, time, command) if hold == "first_order" else command[(grid / DT).astype(int)]
+    if lag:
+        held = lfilter([-np.expm1(-fine / lag)], [1.0, -np.exp(-fine / lag)], held, zi=[np.exp(-fine / lag) * held[0]])[
+            0
+        ]
+    velocity = np.concatenate([[0.0], np.cumsum(held)]) * fine / INERTIA
+    way = np.cumsum(velocity[:-1] + 0.5 * held * fine / INERTIA) * fine
+    expected = np.concatenate([[0.0], way[FINE - 1 :: FINE]])
+    problem, point = inertia_with(command, expected, hold, "amplifier_lag", lag)
+    error = errors(problem, [point], leak=False)[0, :, 0]
+    assert np.max(np.abs(error)) < 1e-4 * np.ptp(expected)  # the filter holds its output over a thousandth of a step

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -43,10 +43,15 @@ FORK = 0.5
 """Share of the chosen effect's evidence from which another one may have been the better choice."""
 FORKS = 2
 """Other ways that are tried."""
+CLOSER = 0.3
+"""Errors as they are, over those that the chosen effect leaves, from which another one may have been the better choice,
+whatever its evidence: the filter may have taken what it explains for slow noise."""
 SIMULTANEOUS = 0.2
 """Time [s] between two events that are taken for one."""
 TIMED = 0.75
 """Share of the best evidence from which the best form of a law is compared with a timing of its own."""
+LIMITED = 0.25
+"""The same for torque limits that act or do not."""
 STEADY = 0.5
 """Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
 CLEARED = 0.1
@@ -203,8 +208,8 @@ def _find(
 class Path:
     """A way through the search: the effects accepted so far, the model with them, and where it could have gone instead.
 
-    forks: at every step the hypotheses that explained nearly as much, with the path up to there. unsteady: the evidence
-    for disturbances that were refused because not all logs have them.
+    forks: at every step the hypotheses that came much closer or explained nearly as much, with the path up to there,
+    best first. unsteady: the evidence for disturbances that were refused because not all logs have them.
     """
 
     base: Fitted
@@ -247,14 +252,17 @@ class Search:
             candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
             ranked = try_all(problem, path.base, candidates, needed=needed)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
-            ranked = with_limits(problem, path.base, timed_anew(problem, path.base, ranked))
-            chosen = choose(problem, ranked, settings, explained, first=not path.accepted)
+            ranked = settled_anew(problem, self.structures, path.base, ranked)
+            ranked = with_limits(problem, path.base, ranked)
+            chosen = choose(problem, ranked, settings, explained, {item.joint for item in path.accepted})
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
                 path = replace(path, refused=ranking(ranked), unsteady=unsteady)
                 break
-            forks = tuple((replace(path, forks=()), other) for other in nearly_as_good(chosen, ranked))
-            path = self.advanced(replace(path, forks=path.forks + forks), chosen)
+            before = replace(path, forks=())
+            closer = tuple((before, other) for other in much_closer(problem, chosen, ranked, settings))
+            others = tuple((before, other) for other in nearly_as_good(chosen, ranked))
+            path = self.advanced(replace(path, forks=closer + path.forks + others), chosen)
         return path if path.left else replace(path, left=remainders(problem, path.base))
 
     def advanced(self, path: Path, chosen: Accepted) -> Path:
@@ -275,10 +283,9 @@ class Search:
         return replace(path, base=base, accepted=tuple(accepted), present=present, steps=steps, left=())
 
     def incomplete(self, path: Path) -> bool:
-        """Whether more stays unexplained than inexact laws account for."""
+        """Whether something is left that neither noise nor inexact laws account for."""
         explained = self.nominal.criterion - path.base.criterion
-        settings = self.settings
-        return path.excess > settings.unexplained * explained and max(r.share for r in path.left) > settings.relevant
+        return unexplained(self.problem, explained, path.left, self.settings)
 
     def cost(self, path: Path) -> float:
         """-2 log likelihood and the price of all effects."""
@@ -332,16 +339,25 @@ def select(
     return Finding(said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused, patched=pieces)
 
 
-def timed_anew(problem: Problem, base: Fitted, ranked: list[Scored]) -> list[Scored]:
-    """The hypotheses, those of different laws that compete for the first place with a timing of their own."""
+def settled_anew(
+    problem: Problem, structures: tuple[JointStructure, ...], base: Fitted, ranked: list[Scored]
+) -> list[Scored]:
+    """The hypotheses, those of different laws that compete for the first place with what the base may have settled
+    wrongly without them: whether a stated torque limit acts, and when commands do."""
     leading = {(s.label, s.start.hypothesis.joint): s for s in sorted(ranked, key=lambda s: s.evidence)}
-    least = TIMED * max((s.evidence for s in ranked), default=0.0)
-    rivals = [s for s in leading.values() if s.evidence > max(least, 0.0)]
+    best = max((s.evidence for s in ranked), default=0.0)
+
+    def competes(scored: Scored, share: float) -> bool:
+        place = scored.label, scored.start.hypothesis.joint
+        return scored is leading[place] and scored.evidence > max(share * best, 0.0)
 
     def anew(scored: Scored) -> Scored:
-        if not any(scored is rival for rival in rivals):
-            return scored
-        return scored.refitted(base, timing_settled(problem, scored.fitted))
+        fitted = scored.fitted
+        if competes(scored, LIMITED):
+            fitted = limits_settled(problem, fitted, structures)
+        if competes(scored, TIMED):
+            fitted = timing_settled(problem, fitted)
+        return scored if fitted is scored.fitted else scored.refitted(base, fitted)
 
     return sorted(each(anew, ranked), key=lambda scored: -scored.evidence)
 
@@ -361,21 +377,44 @@ def coincides(problem: Problem, scored: Scored, accepted: Sequence[Accepted]) ->
 
 
 def nearly_as_good(chosen: Accepted, ranked: Sequence[Scored]) -> list[Accepted]:
-    """Other effects that explain a good part of what the chosen one does, best first, one form of each."""
-    return [
-        Accepted(scored, 0.0, (), chosen.considered)
-        for scored in textbook(ranked)
-        if scored.label != chosen.label
-        and scored.evidence > FORK * chosen.scored.evidence
+    """Other effects that explain a good part of what the chosen one does: first other forms of its law that do nearly
+    as well, then one form of each other law, best first."""
+    limit = chosen.scored.evidence
+    several = [
+        scored
+        for scored in ranked
+        if scored.name != chosen.name
         and chosen.name not in scored.effect.includes
         and scored.name not in chosen.effect.includes
     ]
+    is_form = lambda s: (s.label, s.start.hypothesis.joint) == (chosen.label, chosen.joint)  # noqa: E731
+    forms = [s for s in several if is_form(s) and s.evidence > FORM * limit]
+    others = [s for s in textbook(ranked) if any(s is own for own in several) and not is_form(s)]
+    others = [s for s in others if s.evidence > FORK * limit]
+    return [Accepted(scored, 0.0, (), chosen.considered) for scored in (*forms, *others)]
+
+
+def much_closer(problem: Problem, chosen: Accepted, ranked: Sequence[Scored], settings: Settings) -> list[Accepted]:
+    """Other effects with which the errors as they are fall far below those that the chosen one leaves; least first.
+
+    A torque that moves the joint far off what is simulated without it makes a rough ground for all other parameters.
+    """
+
+    def size(scored: Scored) -> float:
+        return float(np.sum(np.log(np.mean(scored.fitted.error[problem.used] ** 2, axis=0) + 1e-300)))
+
+    limit = size(chosen.scored) + 2.0 * np.log(CLOSER)
+    found = [s for s in textbook(ranked) if s.evidence > settings.threshold and size(s) < limit]
+    return [Accepted(scored, 0.0, (), chosen.considered) for scored in sorted(found, key=size)]
 
 
 def choose(
-    problem: Problem, ranked: list[Scored], settings: Settings, explained: float, *, first: bool
+    problem: Problem, ranked: list[Scored], settings: Settings, explained: float, taken: Set[int]
 ) -> Accepted | None:
-    """The best hypothesis that is significant and material; among near equals the one with fewest parameters."""
+    """The best hypothesis that is significant and material; among near equals the one with fewest parameters.
+
+    taken: joints that have an effect already, whose inexact law a small further one on the same joint may repair.
+    """
     ranked = textbook([s for s in ranked if is_resolved(problem, s) and is_steady(problem, s)])
     if not ranked:
         return None
@@ -393,7 +432,7 @@ def choose(
     for scored in sorted(near, key=lambda s: (s.effect.size, -s.evidence)):
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
-        plain = first or scored.decrease > settings.inexact * explained
+        plain = hypothesis.joint not in taken or scored.decrease > settings.inexact * explained
         if share >= (settings.material if plain else 0.5 * settings.relevant):
             rivals = tuple(
                 s
@@ -757,6 +796,19 @@ def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
     return fit(problem, point, rounds=2, iterations=4, tolerance=1e-4)
 
 
+def unexplained(problem: Problem, explained: float, left: Sequence[Remainder], settings: Settings) -> bool:
+    """Whether something is left that neither noise nor inexact laws account for."""
+    excess = sum(r.excess for r in left)
+    share = max(r.share for r in left)
+    relevant = share > settings.relevant or (share > settings.seen and excess > settings.inexact * explained)
+    if excess > max(settings.unexplained * explained, 20.0) and relevant:
+        return True
+    for r, limit in zip(left, problem.command_limits or (0.0,) * len(left), strict=True):
+        if r.disturbance_share > settings.disturbance and r.disturbance > settings.amplifier * limit:
+            return True
+    return any(drift.is_certain for r in left for drift in r.drifts)
+
+
 def verdict(
     problem: Problem,
     nominal: Fitted,
@@ -766,16 +818,7 @@ def verdict(
     settings: Settings,
 ) -> Verdict:
     """none, named, ambiguous or unknown."""
-    explained = nominal.criterion - final.criterion
-    excess = sum(r.excess for r in left)
-    share = max(r.share for r in left)
-    relevant = share > settings.relevant or (share > settings.seen and excess > settings.inexact * explained)
-    if excess > max(settings.unexplained * explained, 20.0) and relevant:
-        return "unknown"
-    for r, limit in zip(left, problem.command_limits or (0.0,) * len(left), strict=True):
-        if r.disturbance_share > settings.disturbance and r.disturbance > settings.amplifier * limit:
-            return "unknown"
-    if any(drift.is_certain for r in left for drift in r.drifts):
+    if unexplained(problem, nominal.criterion - final.criterion, left, settings):
         return "unknown"
     if any(item.rivals for item in accepted):
         return "ambiguous"

@@ -18,7 +18,7 @@ from scipy.stats import chi2
 
 from diagnosis.estimation import Fitted, errors, predicted_motion, weights
 from diagnosis.hypotheses import adjoint
-from diagnosis.problem import Problem, excitation_band
+from diagnosis.problem import Problem, bandwidth
 from diagnosis.projection import project
 from envs.log import Array
 
@@ -166,7 +166,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         float(gain(every) - base),
         sum(len(r) for r in responses.values()),
         _share(problem, fitted, joint, groups, every, residual, size),
-        *disturbance(problem, fitted, joint, motion[:, 2]),
+        *disturbance(problem, fitted, joint, motion),
         drifts(problem, fitted, joint),
     )
 
@@ -222,12 +222,16 @@ def drifts(problem: Problem, fitted: Fitted, joint: int) -> tuple[Drift, ...]:
     return tuple(sorted(found, key=lambda d: d.p_value))
 
 
-def disturbance(problem: Problem, fitted: Fitted, joint: int, motor: Array) -> tuple[float, float]:
-    """Rms of the unlogged torque that drives the joint in its band of motion, and its share of the motor torque's (T,).
+def disturbance(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> tuple[float, float]:
+    """Rms of the unlogged torque that drives the joint in its band of motion, and its share of the motor torque's.
+
+    motion: predicted angle, velocity and motor torque (T, 3); a measured velocity shows the band of a coarse encoder.
 
     With S the spectrum of the prediction errors, S_0 what white noise of the sensor makes of it behind the leak l
     (``S_0 ~ w^2 / (w^2 + l^2)``, its level read off the upper half of the band) and H the response of the error to a
-    torque, the spectrum of that torque is ``(S - S_0) / |H|^2``.
+    torque, the spectrum of that torque is ``(S - S_0) / |H|^2``. S comes from an autoregression of k coefficients over
+    N samples, with a relative deviation of ``sqrt(2 k / N)``: what does not stand out of three of them is the sensor's,
+    however little of a torque a joint shows that friction holds.
     """
     tool, dt = adjoint(problem, fitted, joint), problem.sample_time
     count = 1 << 15
@@ -237,13 +241,20 @@ def disturbance(problem: Problem, fitted: Fitted, joint: int, motor: Array) -> t
     spectrum = variance / np.maximum(filter_power, 1e-300)
     angular = 2 * np.pi * frequency
     sensor = float(np.quantile(spectrum[frequency > 0.25 / dt], 0.2)) * angular**2 / (angular**2 + problem.leak**2)
+    chance = 3.0 * np.sqrt(2.0 * len(fitted.whitener.blocks) / max(fitted.samples // problem.joints, 1))
     power = tool.power(angular, dt)
     if not np.any(power > 0.0):  # friction holds the joint all the time: no torque shows
         return 0.0, 0.0
-    torque = variance / np.maximum(power, FLOOR * np.max(power)) * np.clip(1.0 - sensor / spectrum, 0.0, 1.0)
-    band = frequency < max(excitation_band(problem), 2.0 / (problem.time[problem.bounds[1] - 1] - problem.time[0]))
+    torque = (
+        variance
+        / np.maximum(power, FLOOR * np.max(power))
+        * np.clip(1.0 - (1.0 + chance) * sensor / spectrum, 0.0, 1.0)
+    )
+    lowest = 2.0 / (problem.time[problem.bounds[1] - 1] - problem.time[0])
+    bands = (bandwidth(problem.time[a:b], motion[a:b, 1]) for a, b in pairwise(problem.bounds))
+    band = frequency < max(lowest, *bands)
     size = float(np.sqrt(2.0 * np.sum(torque[band]) / count))
-    return size, size / max(float(np.sqrt(np.mean(motor[problem.used] ** 2))), 1e-300)
+    return size, size / max(float(np.sqrt(np.mean(motion[problem.used, 2] ** 2))), 1e-300)
 
 
 def _share(

@@ -1,6 +1,7 @@
 """The search for missing effects: forms of laws, the unfiltered view, what becomes free, what is put together."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from diagnosis.engine import (
     is_steady,
     merged,
     merged_afterwards,
+    much_closer,
     nearly_as_good,
+    settled_anew,
     textbook,
 )
 from diagnosis.estimation import errors, finish, fit, plain, sensitivities
@@ -353,7 +356,7 @@ def test_a_disturbance_is_as_strong_in_every_log() -> None:
         scored = Scored(Start(hypothesis, values, 0.0), fitted, nominal.criterion - fitted.criterion, 50.0)
         assert scored.evidence > 100.0
         assert is_steady(problem, scored) == steady
-        chosen = choose(problem, [scored], Settings(), 0.0, first=True)
+        chosen = choose(problem, [scored], Settings(), 0.0, taken=set())
         assert (chosen is not None) == steady
 
 
@@ -417,6 +420,20 @@ def test_a_stated_torque_limit_acts_only_where_the_logs_show_it() -> None:
     assert settled.criterion < taken.criterion
 
 
+def test_a_hypothesis_is_compared_without_a_limit_that_stood_in_for_it() -> None:
+    """Beside a limit that does not act even the right effect explains little, and what repairs the limit looks best."""
+    problem = problem_of({"amplifier_offset": {"voltage": 0.3}}, 1e-3 * np.random.default_rng(0).standard_normal(5000))
+    stated, limit = (JointStructure(torque_limit=1.8),), NOMINAL.index("torque_limit")
+    nominal = fit_nominal(problem, (JointStructure(),))
+    wrong = nominal.point.parameters.copy()
+    wrong[:, :, limit] = 1.8
+    base = fit(problem, replace(nominal.point, parameters=wrong), rounds=2, iterations=6)
+    offset = accepted(problem, base, "amplifier_offset", [0.3]).scored
+    (anew,) = settled_anew(problem, stated, base, [offset])
+    assert anew.fitted.point.parameters[0, 0, limit] == 0.0
+    assert anew.decrease > 1.5 * offset.decrease
+
+
 def test_what_a_later_effect_contains_is_dropped_in_the_end() -> None:
     """Asymmetric friction beside an offset that stood in for it: one of the two is enough."""
     noise = 2e-3 * np.random.default_rng(0).standard_normal(5000)
@@ -449,6 +466,50 @@ def test_other_ways_begin_with_what_explained_nearly_as_much() -> None:
         scored("thermal_drift", 40.0),
     ]
     assert [other.name for other in nearly_as_good(chosen, ranked)] == ["dead_zone"]
+    sag = Accepted(scored("supply_sag_by_command", 100.0), 0.1, ())
+    ranked = [sag.scored, scored("torque_constant_saturation", 98.0), scored("supply_sag", 95.0)]  # forms of one law
+    assert [other.name for other in nearly_as_good(sag, ranked)] == ["supply_sag", "torque_constant_saturation"]
+
+
+def test_what_comes_much_closer_to_the_logs_is_another_way() -> None:
+    """The filter may take what it explains for slow noise, so that something small has more evidence."""
+    problem = problem_of({})
+
+    def scored(name: str, decrease: float, error: float) -> Scored:
+        start = Start(Hypothesis(NAMED[name], 0), np.zeros((1, NAMED[name].size)), decrease)
+        fitted = SimpleNamespace(error=np.full((len(problem.time), 1), error))
+        return Scored(start, fitted, decrease, 0.0)  # type: ignore[arg-type]
+
+    chosen = Accepted(scored("voltage_saturation", 900.0, 0.09), 0.1, ())
+    ranked = [
+        chosen.scored,
+        scored("supply_sag", 400.0, 0.05),
+        scored("cable_spring", 310.0, 0.02),
+        scored("gravity_tilt", 300.0, 0.01),
+        scored("dead_zone", 5.0, 0.001),
+    ]
+    others = much_closer(problem, chosen, ranked, Settings())
+    assert [other.name for other in others] == ["gravity_tilt", "cable_spring"]
+
+
+def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_joint() -> None:
+    problem = problem_of({"amplifier_offset": {"voltage": 2e-3}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    offset = accepted(problem, nominal, "amplifier_offset", [2e-3]).scored
+    explained = 50.0 * offset.decrease
+    assert choose(problem, [offset], Settings(), explained, taken={0}) is None
+    assert choose(problem, [offset], Settings(), explained, taken={1}) is not None
+
+
+def test_the_noise_of_a_coarse_encoder_is_no_torque() -> None:
+    """However little of a torque the joint shows that its friction holds most of the time."""
+    log = record({"presliding_friction": {"torque": 0.9, "deflection": 0.003, "damping_time": 0.0}})
+    step, noise = 2e-2, np.random.default_rng(0).standard_normal(log.position.shape)
+    reading = step * np.round((log.position + step * noise) / step)
+    problem = stack(KERNEL, [replace(log, position=reading)], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    held = accepted(problem, nominal, "presliding_friction", [0.9, 0.003, 0.0]).scored.fitted
+    assert remainder(problem, held, 0).disturbance_share < 0.03
 
 
 def test_a_weak_effect_has_to_show_where_nobody_fitted() -> None:

@@ -46,6 +46,8 @@ FORKS = 2
 CLOSER = 0.3
 """Errors as they are, over those that the chosen effect leaves, from which another one may have been the better choice,
 whatever its evidence: the filter may have taken what it explains for slow noise."""
+AT_END = 0.99
+"""Share of the largest possible size from which an effect is at the end of its range."""
 SIMULTANEOUS = 0.2
 """Time [s] between two events that are taken for one."""
 TIMED = 0.75
@@ -415,7 +417,8 @@ def choose(
 
     taken: joints that have an effect already, whose inexact law a small further one on the same joint may repair.
     """
-    ranked = textbook([s for s in ranked if is_resolved(problem, s) and is_steady(problem, s)])
+    ranked = [s for s in ranked if is_resolved(problem, s) and is_steady(problem, s) and is_possible(problem, s)]
+    ranked = textbook(ranked)
     if not ranked:
         return None
     top = ranked[0]
@@ -485,6 +488,15 @@ def is_steady(problem: Problem, scored: Scored) -> bool:
     deviation = np.sqrt(np.max(known, axis=1))
     largest = int(np.argmax(size))
     return bool(np.all(size + 3.0 * deviation > STEADY * (size[largest] - 3.0 * deviation[largest])))
+
+
+def is_possible(problem: Problem, scored: Scored) -> bool:
+    """Whether an effect of either sign stays within the size that it can have: at the end of its range it stands in for
+    another one."""
+    effect, joint = scored.effect, scored.start.hypothesis.joint
+    values = np.abs(scored.fitted.point.parameters[:, joint, problem.kernel.own(effect)])
+    either = {i: p.upper for i, p in enumerate(effect.parameters) if p.lower == -p.upper and np.isfinite(p.upper)}
+    return all(np.all(values[:, i] < AT_END * end) for i, end in either.items())
 
 
 def prune(

@@ -17,6 +17,7 @@ from diagnosis.estimation import Fitted, Point
 from diagnosis.problem import DIVERGED, Problem
 from diagnosis.replay import (
     Replay,
+    imitated_floor,
     in_blocks,
     input_equivalent,
     noise_floor,
@@ -39,6 +40,9 @@ WORSE = 1.25
 """Factor by which effects that are there do not increase the error on data that nobody fitted."""
 LEFT = 0.005
 """Share of the nominal model's error below which a model holds on other logs whatever the noise."""
+INEXACT = 5e-4
+"""Share of the motion in a window below which the model of a coupled joint holds whatever the noise: the integrator's
+small errors at the other joint reach it as well."""
 BEYOND = 2.0
 """Error on held-out logs, as a multiple of what noise makes it, from which the model does not hold there."""
 CHANCE = 1e-4
@@ -115,10 +119,15 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
         if not count:
             continue
         before, after = (float(np.mean(squares)) for squares in blocks)
-        if after < LEFT**2 * before:
+        motion = np.mean(in_blocks(held_out.reading[:, j], held_out.bounds, width, about_mean=True))
+        if after < LEFT**2 * before or (problem.joints > 1 and after < INEXACT**2 * motion):
             continue
+        most = max(BEYOND**2, chi2.isf(CHANCE, count) / count)
         times = np.sqrt(after) / floor_of(problem, finding, j)
-        if not elsewhere and times**2 > max(BEYOND**2, chi2.isf(CHANCE, count) / count):
+        exceeds = not elsewhere and times**2 > most
+        if exceeds and finding.band is None:  # dry friction, coupling and uncertainty make more of the noise
+            exceeds = after > most * imitated_floor(held_out, finding.final, found[-1].point, WINDOW)[j] ** 2
+        if exceeds:
             failing[j] = Failure(float(times), noise=True)
         elif after > WORSE**2 * before:
             failing[j] = Failure(float(np.sqrt(after / before)), noise=False)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter, savgol_filter
 
-from diagnosis.estimation import Fitted, Point, errors
+from diagnosis.estimation import Fitted, Point, covariance, errors
 from diagnosis.problem import Problem, bounded, smooth_derivatives
 from diagnosis.whitening import Whitener
 from envs.log import Array
@@ -27,6 +27,8 @@ CORRECTION = 0.1
 """Length of the smoothing that estimates the state at the beginning of a window [s]."""
 LONGEST = 12_000
 """Samples of a stretch at most."""
+DRAWS = 4
+"""Recordings that a model imitates."""
 SMOOTHING = 0.03
 """Length of the smoothing of the input-equivalent residual [s]."""
 
@@ -234,6 +236,60 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
     return float(np.sqrt(total / (width * len(begins))))
 
 
+def imitated_floor(problem: Problem, fitted: Fitted, point: Point, window: float, seconds: float = 30.0) -> Array:
+    """Window errors (n,) that a fitted model would have on the beginning of a log of its own, by simulation.
+
+    Where dry friction holds and lets go, or joints are coupled, noise does more than in `noise_floor`; and a model that
+    short logs have left uncertain errs more than its noise. Each reading is the prediction from the readings before it
+    and an error drawn from the autoregression of the fit; the windows are those of models drawn from its covariance.
+    """
+    cut, _ = stretch(problem, seconds)
+    own = replace(point, parameters=point.parameters[:1], starts=point.starts[:1])
+    squares = []
+    for seed in range(DRAWS):
+        rng = np.random.default_rng(seed)
+        artificial = imitated(cut, fitted, own, rng)
+        squares.append(np.nanmean(replay(artificial, drawn(fitted, own, rng), window).windows ** 2, axis=0))
+    return np.asarray(np.sqrt(np.mean(squares, axis=0)))
+
+
+def drawn(fitted: Fitted, point: Point, rng: np.random.Generator) -> Point:
+    """A point with its parameters moved as uncertainly as the fit knows them."""
+    spread, free = covariance(fitted), fitted.point.free
+    scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+    values, axes = np.linalg.eigh(spread / np.outer(scale, scale))
+    change = scale * (axes @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(scale))))
+    lower, upper = (np.array([getattr(f, name) for f in free]) for name in ("lower", "upper"))
+    moved = fitted.point.at(np.clip(fitted.point.vector + change, lower, upper))
+    return replace(
+        point,
+        parameters=point.parameters + (moved.parameters - fitted.point.parameters)[:1],
+        rigid=point.rigid + moved.rigid - fitted.point.rigid,
+    )
+
+
+def imitated(problem: Problem, fitted: Fitted, point: Point, rng: np.random.Generator) -> Problem:
+    """The problem with readings as the model would have given them to these commands with the noise of the fit."""
+    module, n, advance = problem.kernel.module, problem.joints, problem.kernel.module.advance
+    reading, nobody = np.zeros_like(problem.reading), np.zeros((0, n))
+    pull = (problem.leak, problem.rate_leak, problem.substeps)
+    for log, (a, b) in enumerate(pairwise(problem.bounds)):
+        near = problem.neighbour[a:b] if len(problem.neighbour) else np.zeros((0, n, 3))
+        white = rng.standard_normal((n, b - a)) * np.sqrt(fitted.variances)[:, None]
+        filters = fitted.whitener.coefficients
+        noise = np.stack([coloured_by(own, e) for own, e in zip(filters, white, strict=True)], axis=1)
+        inputs = (problem.time[a:b], problem.command[a:b], problem.cumulative[a:b], problem.hold, reading[a:b], near)
+        model = (point.parameters[log], point.switches, problem.pair, point.rigid, *pull)
+        states, bristles, error = np.zeros((n, 7)), np.zeros(n), np.zeros((b - a, n))
+        unused = np.zeros((0, n, 3))
+        module.begin(point.starts[log], problem.command[a], states)
+        for k in range(b - a):
+            advance(k, k + 1, *inputs, nobody, states.copy(), bristles.copy(), *model, error, unused)
+            reading[a + k] = noise[k] - error[k]  # the error of a reading of zero is what it is predicted to be
+            advance(k, k + 1, *inputs, nobody, states, bristles, *model, error, unused)
+    return replace(problem, reading=reading)
+
+
 def coloured_by(filter_: Array, white: Array) -> Array:
     """A periodic signal whose spectrum is that of white noise (T,) behind the inverse of a prediction-error filter."""
     response = np.abs(np.fft.rfft(filter_, len(white)))
@@ -272,13 +328,13 @@ def stretch(problem: Problem, seconds: float) -> tuple[Problem, float]:
     return cut, float(problem.used.sum()) / max(float(cut.used.sum()), 1.0)
 
 
-def in_blocks(error: Array, bounds: np.ndarray, width: int) -> Array:
-    """Mean squares of the finite values in consecutive blocks of `width` samples of every log, shape (blocks,)."""
+def in_blocks(error: Array, bounds: np.ndarray, width: int, *, about_mean: bool = False) -> Array:
+    """Mean squares, or variances, of the finite values in blocks of `width` samples of every log, shape (blocks,)."""
     found = []
     for a, b in pairwise(bounds):
         for start in range(a, b, width):
             values = error[start : min(start + width, b)]
             values = values[np.isfinite(values)]
             if len(values) >= width // 2:
-                found.append(np.mean(values**2))
+                found.append(np.var(values) if about_mean else np.mean(values**2))
     return np.array(found)

@@ -27,6 +27,7 @@ from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point
 from diagnosis.problem import Problem, stack
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import remainder
+from diagnosis.replay import imitated_floor, noise_floor, transfer
 from diagnosis.search import Scored, exchanged, generalised, price, retimed
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array, JointFacts, Log
@@ -499,6 +500,30 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     explained = 50.0 * offset.decrease
     assert choose(problem, [offset], Settings(), explained, taken={0}) is None
     assert choose(problem, [offset], Settings(), explained, taken={1}) is not None
+
+
+def test_the_floor_by_imitation_is_that_of_the_noise_and_of_what_short_logs_leave_uncertain() -> None:
+    noise = lambda seed: 2e-2 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    held_out = stack(KERNEL, [record({}, noise(9))], (1,))
+    long = stack(KERNEL, [record({}, noise(seed)) for seed in (1, 2, 3)], (1,))
+    fitted = fit_nominal(long, (JointStructure(),))
+    linear = noise_floor(long, fitted, 0, 1.0, float(np.sqrt(fitted.variances[0])), coloured=True)
+    point = transfer(held_out, fitted.point)
+    certain = imitated_floor(held_out, fitted, point, 1.0)[0]
+    assert certain == pytest.approx(linear, rel=0.3)
+    uncertain = replace(fitted, covariance=1e4 * fitted.covariance)
+    assert imitated_floor(held_out, uncertain, point, 1.0)[0] > 2.0 * certain
+
+
+def test_an_effect_at_the_end_of_its_range_stands_in_for_another_one() -> None:
+    problem = problem_of({"encoder_eccentricity": {"sine": 0.05, "cosine": 0.02}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    found = accepted(problem, nominal, "encoder_eccentricity", [0.05, 0.02]).scored
+    assert choose(problem, [found], Settings(), 0.0, taken=set()) is not None
+    parameters = found.fitted.point.parameters.copy()
+    parameters[:, 0, KERNEL.column(NAMED["encoder_eccentricity"], "sine")] = -0.1
+    at_end = replace(found.fitted, point=replace(found.fitted.point, parameters=parameters))
+    assert choose(problem, [replace(found, fitted=at_end)], Settings(), 0.0, taken=set()) is None
 
 
 def test_the_noise_of_a_coarse_encoder_is_no_torque() -> None:

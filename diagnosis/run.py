@@ -71,6 +71,8 @@ PLOTTED = 4000
 """Samples of a signal that are kept for plots."""
 SHOWN_LOGS = 5
 """Fitted logs whose signals are kept for plots."""
+OTHER_SCALE, ALIKE = 4.0, 2.0
+"""Factor between all found and stated parameters that speaks of another scale, and how far they may differ in it."""
 Tell = Callable[[str], None]
 
 
@@ -179,7 +181,9 @@ def diagnose(
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
-        findings += [said for j in range(len(group)) if (said := timing_said(solved, j))]
+        findings += [
+            said for j in range(len(group)) for tell_of in (timing_said, scale_said) if (said := tell_of(solved, j))
+        ]
         if solved.rest:
             findings.append(f"joint {group[0]}: {solved.rest}")
         findings += [failure_said(group[j], failure) for j, failure in solved.failing.items()]
@@ -222,6 +226,36 @@ def timing_said(solved: Solved, j: int) -> str:
     if euler:
         said.append("the motion is that of a simulator with one semi-implicit Euler step per sample")
     return f"joint {solved.joints[j]}: {'; '.join(said)}; the model takes that into account" if said else ""
+
+
+def scale_said(solved: Solved, j: int) -> str:
+    """That all parameters of joint index j differ from the robot's own by one large factor, as in other units.
+
+    Angles that are logged f times too small make inertia, damping and (at small angles) gravity f times too large.
+    """
+    step = next((step for step in solved.ledger if step.role == "as given"), None)
+    if step is None:
+        return ""
+    stated, found = (
+        dict(zip(NOMINAL, point.parameters[0, j].tolist(), strict=False))
+        for point in (step.point, solved.finding.final.point)
+    )
+    sizes = {
+        "inertia": lambda p: p["inertia"],
+        "damping": lambda p: p["viscous"] + p["back_emf"],
+        "gravity": lambda p: float(np.hypot(p["gravity_sine"], p["gravity_cosine"])),
+    }
+    ratios = {name: size(found) / size(stated) for name, size in sizes.items() if size(stated) > 0.0}
+    ratios = {name: np.log(ratio) for name, ratio in ratios.items() if ratio > 0.0}
+    factor = float(np.exp(np.mean(list(ratios.values())))) if len(ratios) > 1 else 1.0
+    spread = np.ptp(list(ratios.values())) if ratios else 0.0
+    if spread > np.log(ALIKE) or 1.0 / OTHER_SCALE < factor < OTHER_SCALE:
+        return ""
+    names = " and ".join(ratios) if len(ratios) == 2 else "inertia, damping and gravity"
+    return (
+        f"joint {solved.joints[j]}: {names} are all about {factor:.2g} times those of the robot's description: a gear "
+        "ratio, a unit, or the scale of its position or command is wrong"
+    )
 
 
 REST_OF_THE_ARM = (

@@ -6,6 +6,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -34,7 +35,7 @@ from diagnosis.preparation import (
 from diagnosis.problem import DIVERGED, stack
 from diagnosis.replay import replay, rms, transfer, with_phases
 from diagnosis.result import Diagnosis, Failure
-from diagnosis.run import Solved, diagnose, solve
+from diagnosis.run import Solved, diagnose, scale_said, solve
 from envs.adeptone import adeptone as adept_robot
 from envs.excitation import parse
 from envs.log import Array, JointFacts, Log
@@ -42,7 +43,7 @@ from envs.log_files import load, save
 from envs.plant.plant import record
 from methods.base import State
 from methods.effects import built_in
-from methods.kernel import build
+from methods.kernel import NOMINAL, build
 from methods.structured import PlanarCoupling, StructuredJoint, StructuredModel
 from methods.two_layer_network import TWO_SIGNALS, TwoLayerNetwork
 
@@ -563,3 +564,26 @@ def test_a_model_that_runs_away_is_replayed_to_the_end() -> None:
     run = replay(problem, replace(point, parameters=parameters))
     assert np.all(np.isfinite(run.prediction))
     assert np.nanmax(np.abs(run.whole)) == DIVERGED
+
+
+@pytest.mark.parametrize(
+    ("inertia", "damping", "gravity", "said"),
+    [(10.0, 10.0, 9.5, "10 times"), (0.1, 0.1, 0.1, "0.1 times"), (1.2, 0.8, 1.0, ""), (10.0, 1.0, 1.0, "")],
+)
+def test_parameters_that_all_differ_by_one_factor_speak_of_another_scale(
+    inertia: float, damping: float, gravity: float, said: str
+) -> None:
+    stated = {"inertia": 0.1, "viscous": 0.2, "back_emf": 0.5, "gravity_sine": 0.3, "gravity_cosine": 0.4}
+    factors = {"inertia": inertia, "gravity_sine": gravity, "gravity_cosine": gravity}
+
+    def point(values: dict[str, float]) -> SimpleNamespace:
+        return SimpleNamespace(parameters=np.array([[[values.get(name, 0.0) for name in NOMINAL]]]))
+
+    found = point({name: value * factors.get(name, damping) for name, value in stated.items()})
+    solved = SimpleNamespace(
+        ledger=[SimpleNamespace(role="as given", point=point(stated))],
+        finding=SimpleNamespace(final=SimpleNamespace(point=found)),
+        joints=(3,),
+    )
+    text = scale_said(solved, 0)
+    assert (f"joint 3: inertia, damping and gravity are all about {said}" in text) if said else not text

@@ -43,7 +43,7 @@ from envs.log_files import load, save
 from envs.plant.plant import record
 from methods.base import State
 from methods.effects import built_in
-from methods.kernel import NOMINAL, build
+from methods.kernel import build
 from methods.structured import PlanarCoupling, StructuredJoint, StructuredModel
 from methods.two_layer_network import TWO_SIGNALS, TwoLayerNetwork
 
@@ -577,7 +577,7 @@ def test_parameters_that_all_differ_by_one_factor_speak_of_another_scale(
     factors = {"inertia": inertia, "gravity_sine": gravity, "gravity_cosine": gravity}
 
     def point(values: dict[str, float]) -> SimpleNamespace:
-        return SimpleNamespace(parameters=np.array([[[values.get(name, 0.0) for name in NOMINAL]]]))
+        return SimpleNamespace(parameters=np.array([[[values.get(name, 0.0) for name in COLUMN]]]))
 
     found = point({name: value * factors.get(name, damping) for name, value in stated.items()})
     solved = SimpleNamespace(

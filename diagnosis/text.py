@@ -72,8 +72,12 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
         if joint.fails_by is not None:
             where = "the held-out logs" if gap and gap.on == "held-out" else "the data kept apart"
             depends = f"; on {where} the model errs {joint.fails_by}"
-        measured_gain = f" ({adding})" if adding else ""
-        found = f"{named} explain{'' if plural else 's'} part of the gap{measured_gain}, but " if named else ""
+        measured_gain, third = f" ({adding})" if adding else "", "" if plural else "s"
+        if gap is None or gap.after < gap.before:
+            part = f"{named} explain{third} part of the gap{measured_gain}, but "
+        else:
+            part = f"{named} fit{third} these logs better but not others{measured_gain}, and "
+        found = part if named else ""
         return f"{found}something is missing that no known effect explains{depends}"
     missing = f"{named} {'are' if plural else 'is'} missing{f'; {adding}' if adding else ''}"
     rivals = sorted({title(other.name) for effect in joint.effects for other in effect.alternatives})

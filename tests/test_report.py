@@ -252,6 +252,15 @@ def test_numbers_of_the_sentence_are_those_of_the_json() -> None:
     assert data["sentence"] == diagnosis.sentence
 
 
+def test_the_sentence_of_an_unknown_cause_says_whether_other_logs_gain() -> None:
+    result = joint_result(1, "unknown", "train")
+    gap = Gap(1, "rad", 0.04123, 0.00312, 0.00101, 0.9475, (0.93, 0.96), "held-out")
+    helps = "explains part of the gap (adding it cuts the held-out error from 41.2 to 3.12 mrad, noise floor 1.01 mrad)"
+    assert f"{helps}, but something is missing" in joint_sentence(result, gap)
+    worse = "fits these logs better but not others (adding it changes the held-out error from 41.2 to 50.0 mrad"
+    assert worse in joint_sentence(result, replace(gap, after=0.05))
+
+
 def test_hostile_names_are_text() -> None:
     diagnosis = example("named", log=HOSTILE)
     page = Page(render(diagnosis))

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
-from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
+from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled, without_limits
 from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import Problem, in_band
 from diagnosis.regression import View
@@ -253,6 +253,8 @@ class Search:
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
             candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
             ranked = try_all(problem, path.base, candidates, needed=needed)
+            if not path.accepted:
+                ranked = also_without_limits(problem, path.base, candidates, ranked)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
             ranked = with_limits(problem, path.base, ranked)
@@ -339,6 +341,25 @@ def select(
     ):
         said = "unknown"
     return Finding(said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused, patched=pieces)
+
+
+def also_without_limits(
+    problem: Problem, base: Fitted, candidates: Sequence[tuple[Effect, int]], ranked: list[Scored]
+) -> list[Scored]:
+    """The hypotheses, each as good as with the stated torque limits that act in the base or without them.
+
+    A limit may act there only because something is missing that it can stand in for. Beside it the right effect may
+    explain nothing at all.
+    """
+    free = without_limits(problem, base)
+    if free is None:
+        return ranked
+    best = {(s.name, s.start.hypothesis.joint): s for s in ranked}
+    for scored in (s.refitted(base, s.fitted) for s in try_all(problem, free, candidates)):
+        place = scored.name, scored.start.hypothesis.joint
+        if place not in best or scored.decrease > best[place].decrease:
+            best[place] = scored
+    return sorted(best.values(), key=lambda s: -s.evidence)
 
 
 def settled_anew(

@@ -200,6 +200,16 @@ def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fit
     return timing_settled(problem, best)
 
 
+def without_limits(problem: Problem, fitted: Fitted) -> Fitted | None:
+    """The fit without the torque limits that act in it; None where none does."""
+    column = COLUMN["torque_limit"]
+    if not np.any(fitted.point.parameters[..., column]):
+        return None
+    parameters = fitted.point.parameters.copy()
+    parameters[..., column] = 0.0
+    return fit(problem, replace(fitted.point, parameters=parameters), rounds=3, iterations=12)
+
+
 HOPELESS = 2.0
 """Mean square of the innovations over that of the fit so far, from which a first fit is not carried on."""
 

@@ -9,6 +9,7 @@ import pytest
 from diagnosis.engine import (
     Accepted,
     Settings,
+    also_without_limits,
     choose,
     coincides,
     confirmed,
@@ -23,12 +24,12 @@ from diagnosis.engine import (
 )
 from diagnosis.estimation import errors, finish, fit, plain, sensitivities
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
-from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at
+from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.problem import Problem, stack
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import remainder
 from diagnosis.replay import imitated_floor, noise_floor, transfer
-from diagnosis.search import Scored, exchanged, generalised, price, retimed
+from diagnosis.search import Scored, exchanged, generalised, price, retimed, try_all
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array, JointFacts, Log
 from methods.base import State
@@ -433,6 +434,20 @@ def test_a_hypothesis_is_compared_without_a_limit_that_stood_in_for_it() -> None
     (anew,) = settled_anew(problem, stated, base, [offset])
     assert anew.fitted.point.parameters[0, 0, limit] == 0.0
     assert anew.decrease > 1.5 * offset.decrease
+
+
+def test_the_first_effect_is_also_sought_without_a_limit_that_acts_only_for_want_of_it() -> None:
+    problem = problem_of({"amplifier_offset": {"voltage": 0.3}}, 1e-3 * np.random.default_rng(0).standard_normal(5000))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    assert without_limits(problem, nominal) is None
+    limited = nominal.point.parameters.copy()
+    limited[:, :, NOMINAL.index("torque_limit")] = 1.0  # beside this one the offset explains nothing
+    base = fit(problem, replace(nominal.point, parameters=limited), rounds=2, iterations=6)
+    candidates = [(NAMED["amplifier_offset"], 0)]
+    (with_it,) = try_all(problem, base, candidates)
+    (found,) = also_without_limits(problem, base, candidates, [with_it])
+    assert found.decrease > with_it.decrease + 1000.0
+    assert found.fitted.point.value("amplifier_offset.voltage@0") == pytest.approx(0.3, rel=0.02)
 
 
 def test_what_a_later_effect_contains_is_dropped_in_the_end() -> None:

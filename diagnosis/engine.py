@@ -28,7 +28,7 @@ from diagnosis.search import (
     ranking,
     score,
     try_all,
-    with_limits,
+    with_limiting_effects,
     within,
 )
 from diagnosis.timing import timing_settled
@@ -257,7 +257,7 @@ class Search:
                 ranked = also_without_limits(problem, path.base, candidates, ranked)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
-            ranked = with_limits(problem, path.base, ranked)
+            ranked = with_limiting_effects(problem, path.base, ranked)
             chosen = choose(problem, ranked, settings, explained, {item.joint for item in path.accepted})
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
@@ -403,17 +403,15 @@ def nearly_as_good(chosen: Accepted, ranked: Sequence[Scored]) -> list[Accepted]
     """Other effects that explain a good part of what the chosen one does: first other forms of its law that do nearly
     as well, then one form of each other law, best first."""
     limit = chosen.scored.evidence
-    several = [
-        scored
-        for scored in ranked
-        if scored.name != chosen.name
-        and chosen.name not in scored.effect.includes
-        and scored.name not in chosen.effect.includes
-    ]
-    is_form = lambda s: (s.label, s.start.hypothesis.joint) == (chosen.label, chosen.joint)  # noqa: E731
-    forms = [s for s in several if is_form(s) and s.evidence > FORM * limit]
-    others = [s for s in textbook(ranked) if any(s is own for own in several) and not is_form(s)]
-    others = [s for s in others if s.evidence > FORK * limit]
+
+    def differs(s: Scored) -> bool:
+        return s.name != chosen.name and chosen.name not in s.effect.includes and s.name not in chosen.effect.includes
+
+    def is_form(s: Scored) -> bool:
+        return (s.label, s.start.hypothesis.joint) == (chosen.label, chosen.joint)
+
+    forms = [s for s in ranked if differs(s) and is_form(s) and s.evidence > FORM * limit]
+    others = [s for s in textbook(ranked) if differs(s) and not is_form(s) and s.evidence > FORK * limit]
     return [Accepted(scored, 0.0, (), chosen.considered) for scored in (*forms, *others)]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.stats import chi2
@@ -113,20 +114,24 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
     elsewhere = any(item.effect.scan == "event" or item.label in UNSEEN for item in finding.accepted)
     nominal = next(step for step in found if step.role == "nominal")
     width, failing = window_width(WINDOW, held_out.sample_time), {}
+    floors = cache(lambda: imitated_floor(held_out, finding.final, found[-1].point, WINDOW))
     for j in range(problem.joints):
         blocks = [in_blocks(item.replay.windows[:, j], held_out.bounds, width) for item in (nominal, found[-1])]
         count = len(blocks[1])
         if not count:
             continue
         before, after = (float(np.mean(squares)) for squares in blocks)
-        motion = np.mean(in_blocks(held_out.reading[:, j], held_out.bounds, width, about_mean=True))
-        if after < LEFT**2 * before or (problem.joints > 1 and after < INEXACT**2 * motion):
+        enough = LEFT**2 * before
+        if problem.joints > 1:
+            motion = float(np.mean(in_blocks(held_out.reading[:, j], held_out.bounds, width, about_mean=True)))
+            enough = max(enough, INEXACT**2 * motion)
+        if after < enough:
             continue
         most = max(BEYOND**2, chi2.isf(CHANCE, count) / count)
         times = np.sqrt(after) / floor_of(problem, finding, j)
         exceeds = not elsewhere and times**2 > most
         if exceeds and finding.band is None:  # dry friction, coupling and uncertainty make more of the noise
-            exceeds = after > most * imitated_floor(held_out, finding.final, found[-1].point, WINDOW)[j] ** 2
+            exceeds = after > most * floors()[j] ** 2
         if exceeds:
             failing[j] = Failure(float(times), noise=True)
         elif after > WORSE**2 * before:

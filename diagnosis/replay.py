@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
@@ -122,24 +123,19 @@ def replay(
     module, n, advance = problem.kernel.module, problem.joints, problem.kernel.module.advance
     if any(compensators):
         advance = partial(module.compensated, pack(compensators))
-    shape = problem.reading.shape
+    shape, none = problem.reading.shape, np.zeros((0, n, 3))
     prediction, moved = np.zeros(shape), np.zeros((*shape, 3))
     windows, whole = np.full(shape, np.nan), np.full(shape, np.nan)
     simulated, seconds = 0, 0.0
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
-        near = problem.neighbour[a:b] if len(problem.neighbour) else np.zeros((0, n, 3))
-        signals = (problem.time[a:b], problem.command[a:b], problem.cumulative[a:b], problem.hold, problem.reading[a:b])
-        model = (point.parameters[log], point.switches, problem.pair, point.rigid)
         count = b - a
-        first = int(np.searchsorted(signals[0] - signals[0][0], problem.burn_in))
+        first = int(np.searchsorted(problem.time[a:b] - problem.time[a], problem.burn_in))
         width = window_width(window, problem.sample_time)
         begins = [*range(first, count - width + 1, width)] or [first]
 
-        extra = np.zeros((count if any(compensators) else 0, n))
-        inputs = (*signals, near, extra)
+        signals, model, (states, bristles) = begun(problem, point, log, problem.reading)
+        inputs = (*signals, np.zeros((count if any(compensators) else 0, n)))
         pull, free = (problem.leak, problem.rate_leak, problem.substeps), (0.0, 0.0, problem.substeps)
-        states, bristles = np.zeros((n, 7)), np.zeros(n)
-        module.begin(point.starts[log], signals[1][0], states)
         motion, held = np.zeros((count, n, 3)), []
         at = 0
         for begin in (*begins, count):
@@ -149,7 +145,7 @@ def replay(
         moved[a:b] = motion
         shift = corrections(problem, bounded(prediction[a:b]))
         started = clock.perf_counter()
-        scratch, none = np.zeros((count, n)), np.zeros((0, n, 3))
+        scratch = np.zeros((count, n))
         for begin, state in zip(begins, held, strict=False):
             stop = min(begin + width, count)
             advance(begin, stop, *inputs, *corrected(state, shift[begin]), *model, *free, scratch, none)
@@ -159,6 +155,20 @@ def replay(
         advance(first, count, *inputs, *corrected(held[0], shift[first]), *model, *free, scratch, none)
         whole[a:b][first:] = bounded(scratch[first:])
     return Replay(prediction, windows, whole, moved, 1e6 * seconds / max(simulated, 1))
+
+
+def begun(
+    problem: Problem, point: Point, log: int, reading: Array
+) -> tuple[tuple[Array, ...], tuple[Any, ...], tuple[Array, Array]]:
+    """What the compiled simulator takes of one log: its signals (with the readings given), the model there, and the
+    model's states and bristles at its beginning."""
+    n, own = problem.joints, slice(problem.bounds[log], problem.bounds[log + 1])
+    near = problem.neighbour[own] if len(problem.neighbour) else np.zeros((0, n, 3))
+    command = problem.command[own]
+    signals = (problem.time[own], command, problem.cumulative[own], problem.hold, reading[own], near)
+    states = np.zeros((n, 7))
+    problem.kernel.module.begin(point.starts[log], command[0], states)
+    return signals, (point.parameters[log], point.switches, problem.pair, point.rigid), (states, np.zeros(n))
 
 
 def corrections(problem: Problem, error: Array) -> Array:
@@ -270,23 +280,19 @@ def drawn(fitted: Fitted, point: Point, rng: np.random.Generator) -> Point:
 
 def imitated(problem: Problem, fitted: Fitted, point: Point, rng: np.random.Generator) -> Problem:
     """The problem with readings as the model would have given them to these commands with the noise of the fit."""
-    module, n, advance = problem.kernel.module, problem.joints, problem.kernel.module.advance
-    reading, nobody = np.zeros_like(problem.reading), np.zeros((0, n))
+    n, advance = problem.joints, problem.kernel.module.advance
+    reading, nobody, unused = np.zeros_like(problem.reading), np.zeros((0, n)), np.zeros((0, n, 3))
     pull = (problem.leak, problem.rate_leak, problem.substeps)
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
-        near = problem.neighbour[a:b] if len(problem.neighbour) else np.zeros((0, n, 3))
         white = rng.standard_normal((n, b - a)) * np.sqrt(fitted.variances)[:, None]
         filters = fitted.whitener.coefficients
         noise = np.stack([coloured_by(own, e) for own, e in zip(filters, white, strict=True)], axis=1)
-        inputs = (problem.time[a:b], problem.command[a:b], problem.cumulative[a:b], problem.hold, reading[a:b], near)
-        model = (point.parameters[log], point.switches, problem.pair, point.rigid, *pull)
-        states, bristles, error = np.zeros((n, 7)), np.zeros(n), np.zeros((b - a, n))
-        unused = np.zeros((0, n, 3))
-        module.begin(point.starts[log], problem.command[a], states)
+        signals, model, (states, bristles) = begun(problem, point, log, reading)
+        error = np.zeros((b - a, n))
         for k in range(b - a):
-            advance(k, k + 1, *inputs, nobody, states.copy(), bristles.copy(), *model, error, unused)
+            advance(k, k + 1, *signals, nobody, states.copy(), bristles.copy(), *model, *pull, error, unused)
             reading[a + k] = noise[k] - error[k]  # the error of a reading of zero is what it is predicted to be
-            advance(k, k + 1, *inputs, nobody, states, bristles, *model, error, unused)
+            advance(k, k + 1, *signals, nobody, states, bristles, *model, *pull, error, unused)
     return replace(problem, reading=reading)
 
 

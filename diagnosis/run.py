@@ -181,9 +181,7 @@ def diagnose(
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
-        findings += [
-            said for j in range(len(group)) for tell_of in (timing_said, scale_said) if (said := tell_of(solved, j))
-        ]
+            findings += [said for said in (timing_said(solved, j), scale_said(result)) if said]
         if solved.rest:
             findings.append(f"joint {group[0]}: {solved.rest}")
         findings += [failure_said(group[j], failure) for j, failure in solved.failing.items()]
@@ -228,32 +226,23 @@ def timing_said(solved: Solved, j: int) -> str:
     return f"joint {solved.joints[j]}: {'; '.join(said)}; the model takes that into account" if said else ""
 
 
-def scale_said(solved: Solved, j: int) -> str:
-    """That all parameters of joint index j differ from the robot's own by one large factor, as in other units.
+def scale_said(result: JointResult) -> str:
+    """That all parameters of a joint differ from the robot's own by one large factor, as in other units.
 
     Angles that are logged f times too small make inertia, damping and (at small angles) gravity f times too large.
     """
-    step = next((step for step in solved.ledger if step.role == "as given"), None)
-    if step is None:
-        return ""
-    stated, found = (
-        dict(zip(NOMINAL, point.parameters[0, j].tolist(), strict=False))
-        for point in (step.point, solved.finding.final.point)
-    )
-    sizes = {
-        "inertia": lambda p: p["inertia"],
-        "damping": lambda p: p["viscous"] + p["back_emf"],
-        "gravity": lambda p: float(np.hypot(p["gravity_sine"], p["gravity_cosine"])),
-    }
-    ratios = {name: size(found) / size(stated) for name, size in sizes.items() if size(stated) > 0.0}
-    ratios = {name: np.log(ratio) for name, ratio in ratios.items() if ratio > 0.0}
+    known = {p.name: np.array([p.given, p.final.value]) for p in result.nominal if p.given is not None}
+    if "gravity_sine" in known:
+        known["gravity"] = np.hypot(known["gravity_sine"], known["gravity_cosine"])
+    sizes = {name: known[name] for name in ("inertia", "damping", "gravity") if name in known}
+    ratios = {name: np.log(found / stated) for name, (stated, found) in sizes.items() if stated > 0.0 and found > 0.0}
     factor = float(np.exp(np.mean(list(ratios.values())))) if len(ratios) > 1 else 1.0
     spread = np.ptp(list(ratios.values())) if ratios else 0.0
     if spread > np.log(ALIKE) or 1.0 / OTHER_SCALE < factor < OTHER_SCALE:
         return ""
     names = " and ".join(ratios) if len(ratios) == 2 else "inertia, damping and gravity"
     return (
-        f"joint {solved.joints[j]}: {names} are all about {factor:.2g} times those of the robot's description: a gear "
+        f"joint {result.joint}: {names} are all about {factor:.2g} times those of the robot's description: a gear "
         "ratio, a unit, or the scale of its position or command is wrong"
     )
 

@@ -308,7 +308,7 @@ def unstuck(problem: Problem, base: Fitted, scored: Scored) -> Scored:
     return scored.refitted(base, fitted)
 
 
-def with_limits(problem: Problem, base: Fitted, ranked: Sequence[Scored]) -> list[Scored]:
+def with_limiting_effects(problem: Problem, base: Fitted, ranked: Sequence[Scored]) -> list[Scored]:
     """The hypotheses, best first, with what those stand for that the logs cannot show: the effect that one contains,
     begun with what both describe, where it has not done as well by itself."""
     every = {effect.name: effect for effect in problem.kernel.effects}

@@ -547,6 +547,26 @@ def _low_pass(v, rise, state, h, time_constant):
 
 
 @njit(cache=True, inline='always', error_model='numpy')
+def _driven(k, i, substeps, dt, now, h, hold, u, cumulative, q, dq, w, lag, p, on, commands, euler):
+    """Command behind the amplifier over substep i of sample k: mean, rise, and state of the low-pass at the end."""
+    v, rise = _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on)
+    if commands:
+        base, half, high = v, 0.5 * rise, v
+        for end in range(3 if rise != 0.0 else 1):  # in the middle of the step, then at its ends
+            given = base + (half if end == 1 else (-half if end == 2 else 0.0))
+            through = _command(given, now, q, dq, w, p, on)
+            if end == 0:
+                v = through
+            elif end == 1:
+                high = through
+            else:
+                rise = high - through
+    if LAG >= 0 and on[LAG]:
+        v, rise, lag = _low_pass(v, rise, lag, h, p[LAG_P])
+    return v, 0.0 if euler else rise, lag
+
+
+@njit(cache=True, inline='always', error_model='numpy')
 def _bristled(on):
     """Whether there are bristles."""
     return (BRISTLE >= 0 and on[BRISTLE]) or (DAHL >= 0 and on[DAHL])
@@ -660,22 +680,8 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             for j in range(n):
                 p = P[j]
                 S[j, DQ] = _grasp(now, h, S[j, DQ], p, on[j])
-                v, rise = _amplifier(k, i, substeps, dt, hold[j], u[:, j], cumulative[:, j], p, on[j])
-                high = v
-                if has[j, 0]:
-                    base, half = v, 0.5 * rise
-                    for end in range(3 if rise != 0.0 else 1):  # in the middle of the step, then at its ends
-                        given = base + (half if end == 1 else (-half if end == 2 else 0.0))
-                        through = _command(given, now, S[j, Q], S[j, DQ], S[j, W], p, on[j])
-                        if end == 0:
-                            v = through
-                        elif end == 1:
-                            high = through
-                        else:
-                            rise = high - through
-                if LAG >= 0 and on[j, LAG]:
-                    v, rise, S[j, A] = _low_pass(v, rise, S[j, A], h, p[LAG_P])
-                c[j], rises[j] = v, 0.0 if euler else rise
+                c[j], rises[j], S[j, A] = _driven(k, i, substeps, dt, now, h, hold[j], u[:, j], cumulative[:, j],
+                                                  S[j, Q], S[j, DQ], S[j, W], S[j, A], p, on[j], has[j, 0], euler)
                 bristle[j] = 0.0
                 if _bristled(on[j]):
                     bristle[j], z[j] = _bristle(z[j], S[j, DQ], h, p, on[j])
@@ -833,23 +839,8 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
         for i in range(substeps):
             begin = t[k] - t0 + i * h
             dq = _grasp(begin, h, dq, p, on)
-            v, rise = _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on)
-            high = v
-            if has[0]:
-                base, half = v, 0.5 * rise
-                for end in range(3 if rise != 0.0 else 1):  # in the middle of the step, then at its ends
-                    given = base + (half if end == 1 else (-half if end == 2 else 0.0))
-                    through = _command(given, begin, q, dq, w, p, on)
-                    if end == 0:
-                        v = through
-                    elif end == 1:
-                        high = through
-                    else:
-                        rise = high - through
-            if LAG >= 0 and on[LAG]:
-                v, rise, lag = _low_pass(v, rise, lag, h, p[LAG_P])
-            if euler:
-                rise = 0.0
+            v, rise, lag = _driven(k, i, substeps, dt, begin, h, hold, u, cumulative, q, dq, w, lag, p, on, has[0],
+                                   euler)
             load = disturbance
             if _bristled(on):
                 torque, z = _bristle(z, dq, h, p, on)
@@ -991,39 +982,10 @@ def run_two(t, u, cumulative, hold, y, x, extra_in, start, P, switches, rigid, l
         for i in range(substeps):
             now = t[k] - t0 + i * h
             d1, d2 = _grasp(now, h, d1, p1, on1), _grasp(now, h, d2, p2, on2)
-            v1, rise1 = _amplifier(k, i, substeps, dt, hold[0], u1, cumulative1, p1, on1)
-            v2, rise2 = _amplifier(k, i, substeps, dt, hold[1], u2, cumulative2, p2, on2)
-            high1, high2 = v1, v2
-            if has1[0]:
-                base, half = v1, 0.5 * rise1
-                for end in range(3 if rise1 != 0.0 else 1):  # in the middle of the step, then at its ends
-                    given = base + (half if end == 1 else (-half if end == 2 else 0.0))
-                    through = _command(given, now, q1, d1, w1, p1, on1)
-                    if end == 0:
-                        v1 = through
-                    elif end == 1:
-                        high1 = through
-                    else:
-                        rise1 = high1 - through
-            if has2[0]:
-                base, half = v2, 0.5 * rise2
-                for end in range(3 if rise2 != 0.0 else 1):  # in the middle of the step, then at its ends
-                    given = base + (half if end == 1 else (-half if end == 2 else 0.0))
-                    through = _command(given, now, q2, d2, w2, p2, on2)
-                    if end == 0:
-                        v2 = through
-                    elif end == 1:
-                        high2 = through
-                    else:
-                        rise2 = high2 - through
-            if LAG >= 0 and on1[LAG]:
-                v1, rise1, lag1 = _low_pass(v1, rise1, lag1, h, p1[LAG_P])
-            if euler:
-                rise1 = 0.0
-            if LAG >= 0 and on2[LAG]:
-                v2, rise2, lag2 = _low_pass(v2, rise2, lag2, h, p2[LAG_P])
-            if euler:
-                rise2 = 0.0
+            v1, rise1, lag1 = _driven(k, i, substeps, dt, now, h, hold[0], u1, cumulative1, q1, d1, w1, lag1, p1, on1,
+                                      has1[0], euler)
+            v2, rise2, lag2 = _driven(k, i, substeps, dt, now, h, hold[1], u2, cumulative2, q2, d2, w2, lag2, p2, on2,
+                                      has2[0], euler)
             load1, load2 = outer1, outer2
             if _bristled(on1):
                 torque, z1 = _bristle(z1, d1, h, p1, on1)

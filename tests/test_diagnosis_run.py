@@ -34,7 +34,7 @@ from diagnosis.preparation import (
 )
 from diagnosis.problem import DIVERGED, stack
 from diagnosis.replay import replay, rms, transfer, with_phases
-from diagnosis.result import Diagnosis, Failure
+from diagnosis.result import Diagnosis, Estimate, Failure, NominalParameter
 from diagnosis.run import Solved, diagnose, scale_said, solve
 from envs.adeptone import adeptone as adept_robot
 from envs.excitation import parse
@@ -573,17 +573,13 @@ def test_a_model_that_runs_away_is_replayed_to_the_end() -> None:
 def test_parameters_that_all_differ_by_one_factor_speak_of_another_scale(
     inertia: float, damping: float, gravity: float, said: str
 ) -> None:
-    stated = {"inertia": 0.1, "viscous": 0.2, "back_emf": 0.5, "gravity_sine": 0.3, "gravity_cosine": 0.4}
-    factors = {"inertia": inertia, "gravity_sine": gravity, "gravity_cosine": gravity}
+    stated = {"inertia": 0.1, "damping": 0.7, "gravity_sine": 0.3, "gravity_cosine": -0.4, "load": None}
+    factors = {"inertia": inertia, "damping": damping}
 
-    def point(values: dict[str, float]) -> SimpleNamespace:
-        return SimpleNamespace(parameters=np.array([[[values.get(name, 0.0) for name in COLUMN]]]))
+    def parameter(name: str, value: float | None) -> NominalParameter:
+        found = Estimate((value or 1.0) * factors.get(name, gravity), 0.0, "V")
+        return NominalParameter(name, "V", value, found, found)
 
-    found = point({name: value * factors.get(name, damping) for name, value in stated.items()})
-    solved = SimpleNamespace(
-        ledger=[SimpleNamespace(role="as given", point=point(stated))],
-        finding=SimpleNamespace(final=SimpleNamespace(point=found)),
-        joints=(3,),
-    )
-    text = scale_said(solved, 0)
+    result = SimpleNamespace(nominal=[parameter(*item) for item in stated.items()], joint=3)
+    text = scale_said(result)
     assert (f"joint 3: inertia, damping and gravity are all about {said}" in text) if said else not text

@@ -27,6 +27,7 @@ from diagnosis.search import (
     polish,
     ranking,
     score,
+    stuck,
     try_all,
     with_limiting_effects,
     within,
@@ -253,7 +254,7 @@ class Search:
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
             candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
             ranked = try_all(problem, path.base, candidates, needed=needed)
-            if not path.accepted:
+            if not path.accepted and stuck(problem, ranked):
                 ranked = also_without_limits(problem, path.base, candidates, ranked)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
@@ -349,7 +350,7 @@ def also_without_limits(
     """The hypotheses, each as good as with the stated torque limits that act in the base or without them.
 
     A limit may act there only because something is missing that it can stand in for. Beside it the right effect may
-    explain nothing at all.
+    explain nothing at all. Errors that no hypothesis brings down to noise (`diagnosis.search.stuck`) are a sign of it.
     """
     free = without_limits(problem, base)
     if free is None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from diagnosis.estimation import Fitted, Point, errors, predicted_motion
+from diagnosis.glance import Glance, can_be_glanced_at
 from diagnosis.problem import Free, Problem, scales, smooth_derivatives
 from diagnosis.regression import View
 from envs.log import Array
@@ -128,13 +129,18 @@ def withdraw(problem: Problem, point: Point, name: str, joint: int) -> Point:
 
 
 def proposals(
-    problem: Problem, views: Sequence[View], candidates: Iterable[tuple[Effect, int]], sizes: dict[int, Scales]
+    problem: Problem,
+    views: Sequence[View],
+    candidates: Iterable[tuple[Effect, int]],
+    sizes: dict[int, Scales],
+    look: Glance | None = None,
 ) -> list[list[Start]]:
     """Best starting values per hypothesis, by regression of the nominal errors on its sensitivities, best first.
 
     views: the same model seen through several whitening filters, each of which gets a list of its own. Sensitivities
     come from the kernel itself (one simulation per amplitude and shape), so that the filter from an effect to the
-    prediction error is exact, friction and coupling included.
+    prediction error is exact, friction and coupling included. look: part of the samples, with the same views, on which
+    effects are regressed that are the same in every stretch of the motion.
     """
     jobs: list[tuple[Hypothesis, Array, int]] = []
     for effect, joint in candidates:
@@ -146,7 +152,14 @@ def proposals(
             shapes = len({tuple(v[i] for i in effect.shapes) for v in every})
             jobs += [(Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), shapes) for v in every]
     found: list[dict[str, list[Start]]] = [{} for _ in views]
-    proposed = each(lambda job: _regress(problem, views, *job), jobs)
+    proposed = each(
+        lambda job: (
+            _regress(problem, views, *job)
+            if look is None or not can_be_glanced_at(job[0].effect)
+            else _regress_at_a_glance(problem, views[0].fitted, look, *job)
+        ),
+        jobs,
+    )
     for (hypothesis, _, _), starts in zip(jobs, proposed, strict=True):
         # an event in all logs and one in a single log are told apart by a fit only
         key = f"{hypothesis.effect.name}@{hypothesis.joint}" + ("#" if hypothesis.log >= 0 else "")
@@ -222,6 +235,19 @@ def _regress(
             shift, _, left = view.least(sensitivity[:0], residual + sensitivity[0])
         starts.append(Start(hypothesis, adjusted, view.promise(problem, left), searched, shift=shift))
     return starts
+
+
+def _regress_at_a_glance(
+    problem: Problem, base: Fitted, look: Glance, hypothesis: Hypothesis, values: Array, searched: int
+) -> list[Start]:
+    """The start that each view of the segments proposes, for all samples."""
+    found = []
+    proposed = _regress(look.problem, look.views, hypothesis, values[look.logs], searched)
+    for start, known in zip(proposed, look.known, strict=True):
+        shift = None if start.shift is None else look.shift_of(base.point, start.shift)
+        own = np.repeat(start.values[:1], problem.logs, axis=0)
+        found.append(replace(start, values=own, promise=(start.promise - known) / look.share, shift=shift))
+    return found
 
 
 # ---------------------------------------------------------------------------------------------------------------- scans

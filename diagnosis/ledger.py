@@ -48,8 +48,6 @@ BEYOND = 2.0
 """Error on held-out logs, as a multiple of what noise makes it, from which the model does not hold there."""
 CHANCE = 1e-4
 """Probability of a larger error by chance alone, where windows are few."""
-UNSEEN = ("thermal_drift",)
-"""Effects whose state at the beginning of a log the log does not show; events need not happen in another log either."""
 DISTINCT = 1.05
 """The refitted nominal model has to err by this factor more than noise alone; otherwise there is no gap to explain."""
 
@@ -107,11 +105,12 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
 
     A patchwork of known effects can pass for an unknown one in the range of the fitted motion, not beyond it. The mean
     square of every window counts as a square of one normal deviate, so that few windows have to err by more. What the
-    effects leave of the nominal model's error only in the third digit is no failure of theirs.
+    effects leave of the nominal model's error only in the third digit is no failure of theirs. Events need not happen
+    in another log, and states that a log does not show may be others at its beginning.
     """
     if finding.verdict == "unknown":
         return {}
-    elsewhere = any(item.effect.scan == "event" or item.label in UNSEEN for item in finding.accepted)
+    elsewhere = any(item.effect.scan == "event" or item.effect.remembers for item in finding.accepted)
     nominal = next(step for step in found if step.role == "nominal")
     width, failing = window_width(WINDOW, held_out.sample_time), {}
     floors = cache(lambda: imitated_floor(held_out, finding.final, found[-1].point, WINDOW))

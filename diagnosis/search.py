@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, sensitivities
+from diagnosis.glance import glance
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.problem import Problem
 from diagnosis.regression import View
@@ -119,7 +120,11 @@ def try_all(
     bare_base, sizes = plain(problem, base), sizes_of(problem, base)
     views = [View.of(problem, view) for view in (base, bare_base)]
     general = [(effect, j) for effect, j in effects if contained(problem, base.point, effect, j) is not None]
-    lists = proposals(problem, views, [item for item in effects if item not in general], sizes)
+    plainly = [item for item in effects if item not in general]
+    look = glance(problem, base)
+    lists = proposals(problem, views, plainly, sizes, look)
+    if look is not None and not look.is_enough(max([needed, *(start.promise for start in lists[0])])):
+        lists = proposals(problem, views, plainly, sizes)
     own, bare = (
         first(worth_fitting(problem, starts, base.samples, needed, least), refine, law)
         for starts, least in zip((simplest(lists[0]), hidden(*lists)), (LEAST, 0), strict=True)

@@ -278,7 +278,8 @@ def test_reused_sensitivities_lead_to_the_same_optimum() -> None:
     nominal = fit_nominal(problem, (JointStructure(),))
     fitted = accepted(problem, nominal, "coulomb_friction", [0.05]).scored.fitted
     again = fit(problem, fitted.point, rounds=3, iterations=20)
-    assert fitted.criterion - again.criterion < 6.0  # the filter goes on settling
+    # the filter goes on settling, by less than the price of one parameter
+    assert fitted.criterion - again.criterion < np.log(fitted.samples)
     assert np.array_equal(errors(problem, [fitted.point])[0], fitted.error)
 
 
@@ -425,12 +426,13 @@ def test_a_stated_torque_limit_acts_only_where_the_logs_show_it() -> None:
 def test_a_hypothesis_is_compared_without_a_limit_that_stood_in_for_it() -> None:
     """Beside a limit that does not act even the right effect explains little, and what repairs the limit looks best."""
     problem = problem_of({"amplifier_offset": {"voltage": 0.3}}, 1e-3 * np.random.default_rng(0).standard_normal(5000))
-    stated, limit = (JointStructure(torque_limit=1.8),), NOMINAL.index("torque_limit")
+    stated, limit = (JointStructure(torque_limit=1.5),), NOMINAL.index("torque_limit")
     nominal = fit_nominal(problem, (JointStructure(),))
     wrong = nominal.point.parameters.copy()
-    wrong[:, :, limit] = 1.8
+    wrong[:, :, limit] = 1.5
     base = fit(problem, replace(nominal.point, parameters=wrong), rounds=2, iterations=6)
     offset = accepted(problem, base, "amplifier_offset", [0.3]).scored
+    assert 0.0 < offset.decrease < 1000.0
     (anew,) = settled_anew(problem, stated, base, [offset])
     assert anew.fitted.point.parameters[0, 0, limit] == 0.0
     assert anew.decrease > 1.5 * offset.decrease

@@ -89,6 +89,8 @@ class Scales:
 
 MOTOR_TORQUE = {"command": 4, "torque": 3, "friction": 3}
 """Place of the motor torque among the arguments of a slot's function."""
+TIME = {"command": 1, "gain": 0, "torque": 0, "friction": 0}
+"""Place of the time."""
 Starts = Callable[[Scales], Iterable[tuple[float, ...]]]
 
 
@@ -112,6 +114,7 @@ class Effect:
     neutral: for a more general form of an included law, the values of its further parameters with which both are the
         same.
     drives: whether the motor torque enters its law, which a function of its own shows by itself.
+    remembers: whether it has a state that outlasts the motion of a few seconds, which a log does not show.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
         `kind` is the name they share, `after` the instance that has to be there first.
     expected_failures: conformance checks (`diagnosis.effect_checks`) that it fails by its nature, each with the reason.
@@ -135,6 +138,7 @@ class Effect:
     resolved: Callable[[Sequence[float], Scales], bool] | None = None
     tries: int = 1
     drives: bool = False
+    remembers: bool = False
     excludes: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
     after: str = ""
@@ -158,11 +162,18 @@ class Effect:
     @property
     def has_motor_torque(self) -> bool:
         """Whether the motor torque enters its law: mechanical damping and back-EMF then act differently."""
-        if self.drives or self.slot == "gain":
-            return True
-        if self.function is None or self.slot not in MOTOR_TORQUE:
+        return self.drives or self.slot == "gain" or self._reads(MOTOR_TORQUE.get(self.slot))
+
+    @property
+    def has_time(self) -> bool:
+        """Whether time enters its law."""
+        return self.scan in ("time", "event") or self._reads(TIME.get(self.slot))
+
+    def _reads(self, place: int | None) -> bool:
+        """Whether its function reads the argument at a place."""
+        if self.function is None or place is None:
             return False
-        name = self.function.__code__.co_varnames[MOTOR_TORQUE[self.slot]]
+        name = self.function.__code__.co_varnames[place]
         used = (i.argval for i in dis.get_instructions(self.function) if i.opname.startswith("LOAD_FAST"))
         return any(name == u or (isinstance(u, tuple) and name in u) for u in used)
 

@@ -19,6 +19,7 @@ EFFECT = Effect(
     ),
     equation=r"R = R_0(1+\vartheta),\ T\dot\vartheta = r\,i^2/\overline{i^2} - \vartheta",
     variable="elapsed time",
+    remembers=True,
     source="Hughes and Drury",
     starts=lambda s: [(0.02, max(1.0, fraction * s.duration)) for fraction in (0.05, 0.1, 0.3, 1.0, 4.0)],
 )

@@ -27,6 +27,8 @@ PERIODS = 1.5
 """Periods of a wave that the logs have to show, where other torques of the position are there as well."""
 VAGUE = 0.02
 """Relative deviation of a wave's length from which it is no finding of its own."""
+REACHED = 0.5
+"""Share of its level that a rounded dry friction has to have reached at the rms velocity."""
 CANCELLING = 0.25
 """Sum of torques of the position, as a share of the largest, below which they only describe another law."""
 
@@ -41,7 +43,8 @@ class Patchwork(Enum):
 def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], margin: float) -> dict[int, Patchwork]:
     """The joints (by index) whose accepted laws are pieces of another one.
 
-    Frictions: both contain dry friction, which cannot be there twice. Torques of the position: they nearly
+    Frictions: both contain dry friction, which cannot be there twice, or one is so rounded that it never comes near its
+    level. Torques of the position: they nearly
     cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a polynomial of the position with as many
     coefficients explains the logs as well, up to `margin` of -2 log likelihood.
     """
@@ -49,7 +52,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
     for j in range(problem.joints):
         own = [item.effect for item in accepted if item.joint == j]
         places = [effect for effect in own if (effect.variable, effect.slot) == ("position", "torque")]
-        if sum(DRY in (effect.label, *effect.includes) for effect in own) > 1:
+        dry = [effect for effect in own if DRY in (effect.label, *effect.includes)]
+        if len(dry) > 1 or any(is_damping(problem, final, j, effect) for effect in dry):
             found[j] = Patchwork.FRICTION
         elif len(places) > 1 and (
             is_piece(problem, final, j, places)
@@ -58,6 +62,20 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
         ):
             found[j] = Patchwork.POSITION
     return found
+
+
+def is_damping(problem: Problem, final: Fitted, j: int, law: Effect) -> bool:
+    """Whether a rounded dry friction still grows with the velocity where the joint moves, so that it has no level."""
+    if "rounding" not in {parameter.name for parameter in law.parameters} or law.function is None:
+        return False
+    values = final.point.parameters[0, j, problem.kernel.own(law)].tolist()
+    at, level = (law.function(0.0, 0.0, velocity, 1.0, [], values) for velocity in (rms_velocity(problem, j), 1e9))
+    return bool(at < REACHED * level)
+
+
+def rms_velocity(problem: Problem, j: int) -> float:
+    """Rms of the measured velocity of a joint [rad/s or m/s]."""
+    return float(np.sqrt(np.mean(problem.velocity[problem.used, j] ** 2)))
 
 
 def is_piece(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect]) -> bool:

@@ -85,9 +85,15 @@ def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:
     """The point with the phases of periodic disturbances as each of these logs has them; amplitudes stay.
 
     A disturbance has no reason to begin anew with a recording, so its phase is no property of the model. It is the
-    regression of the whitened prediction errors of a log on the responses to sine and cosine.
+    regression of the whitened prediction errors of a log on the responses to sine and cosine, and to the velocities at
+    its beginning, which a coarse encoder shows badly and little friction remembers.
     """
     whiten = on_logs(problem, filter_)
+    faster = []
+    for j in range(problem.joints):
+        starts = point.starts.copy()
+        starts[:, j, 1] += 0.01 * np.std(problem.velocity[:, j])
+        faster.append(starts)
     for effect in problem.kernel.effects:
         if effect.scan != "time":
             continue
@@ -100,14 +106,14 @@ def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:
                 parameters = point.parameters.copy()
                 parameters[:, j, pair] = values
                 trials.append(replace(point, parameters=parameters))
-            errors_ = errors(problem, trials)
+            errors_ = errors(problem, [*trials, *(replace(trials[0], starts=starts) for starts in faster)])
             parameters = point.parameters.copy()
             for log, (a, b) in enumerate(pairwise(problem.bounds)):
                 own = np.zeros_like(errors_)
                 own[:, a:b] = errors_[:, a:b]
-                plain, sine, cosine = whiten(own).reshape(3, problem.joints, -1)[:, j]
-                basis = np.stack([sine - plain, cosine - plain], axis=1)
-                weights = -np.linalg.lstsq(basis, plain, rcond=None)[0]
+                plain, *others = whiten(own).reshape(len(own), problem.joints, -1)[:, j]
+                basis = np.stack([other - plain for other in others], axis=1)
+                weights = -np.linalg.lstsq(basis, plain, rcond=None)[0][:2]
                 parameters[log, j, pair] = size * weights / max(float(np.linalg.norm(weights)), 1e-300)
             point = replace(point, parameters=parameters)
     return point

@@ -61,8 +61,10 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
         tail = f"; its {error_name(gap)} is {quantity(gap.before, gap.unit)}" if gap else ""
         return f"the refitted nominal model is good to the noise floor{tail}"
     if joint.patched is not None:
-        law = f"one {joint.patched.value} that no known effect is"
-        return f"{named} describe the logs{f' ({adding})' if adding else ''}, but only as pieces of {law}"
+        pieces = "describe the logs{}, but only as pieces of" if plural else "describes the logs{}, but only as part of"
+        return (
+            f"{named} {pieces.format(f' ({adding})' if adding else '')} {joint.patched.value} that no known effect is"
+        )
     if joint.verdict == "unknown":
         signals = [d.signal for d in joint.remainder[:2] if d.p_value < 1e-3]
         depends = f"; it depends on {' and '.join(signals)}" if signals else ""

@@ -311,6 +311,31 @@ def test_phase_of_a_disturbance_is_that_of_the_held_out_log() -> None:
     assert rms(replay(shifted, right).windows) < 0.02 * rms(replay(shifted, plain).windows)
 
 
+def test_phase_of_a_disturbance_is_not_that_of_a_badly_known_velocity_at_the_beginning() -> None:
+    """A joint with little friction remembers for seconds what a coarse encoder has shown of its first velocity."""
+    parameters = {"inertia": 0.07, "viscous": 0.005, "back_emf": 0.0, "electrical_time_constant": 0.0}
+
+    def disturbed(phase: float) -> StructuredModel:
+        values = {"sine": 0.02 * np.cos(phase), "cosine": 0.02 * np.sin(phase), "frequency": 2.3}
+        joint = StructuredJoint(1, "torque", parameters, {"periodic_disturbance": values})
+        return StructuredModel((joint,), DT, None, effects_of("periodic_disturbance"))
+
+    def coarse(phase: float, seed: int) -> Log:
+        log = recorded(disturbed(phase), seed, 16.0)
+        return replace(log, position=1e-3 * np.round(log.position / 1e-3), facts=(JointFacts(encoder_step=1e-3),))
+
+    kernel = build(built_in())
+    problem, held_out = (stack(kernel, [coarse(p, s)], (1,)) for p, s in ((0.4, 1), (2.4, 5)))
+    nominal = fit_nominal(problem, (JointStructure(input="torque"),))
+    (effect,) = effects_of("periodic_disturbance")
+    final = fit(problem, extend(problem, nominal.point, Hypothesis(effect, 0), np.array([[0.015, 0.01, 2.3]])))
+    wrong = held_out.starts + np.array([0.0, 0.5 * np.std(held_out.velocity), 0.0])
+    held_out = replace(held_out, starts=wrong)
+    found = with_phases(held_out, transfer(held_out, final.point), final.whitener)
+    sine, cosine, _ = found.parameters[0, 0, kernel.own(effect)]
+    assert np.arctan2(cosine, sine) == pytest.approx(2.4, abs=0.05)
+
+
 # ------------------------------------------------------------------------------------------ parameters and their spread
 
 

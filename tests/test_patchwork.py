@@ -9,7 +9,7 @@ from diagnosis.engine import Accepted
 from diagnosis.estimation import Fitted, fit
 from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.patchwork import Patchwork, is_polynomial, patchwork
+from diagnosis.patchwork import Patchwork, is_polynomial, patchwork, rms_velocity
 from diagnosis.problem import Problem, stack
 from diagnosis.search import Scored
 from envs.log import JointFacts, Log
@@ -74,3 +74,13 @@ def test_the_same_friction_cannot_be_there_twice() -> None:
 
     assert beside("stribeck_friction") == beside("presliding_friction") == {0: Patchwork.FRICTION}
     assert beside("quadratic_drag") == {}
+
+
+@pytest.mark.parametrize(("rounding", "is_dry"), [(0.05, True), (0.3, True), (6.0, False)])
+def test_dry_friction_that_never_reaches_its_level_is_none(rounding: float, is_dry: bool) -> None:
+    """tanh(v / v0): at an rms velocity of about 1.9 rad/s nearly the whole level, or less than half of it."""
+    friction = {"rounded_coulomb_friction": {"torque": 0.2, "rounding": rounding}}
+    problem = problem_of(friction, 1.2, 1e-5)
+    assert 1.6 < rms_velocity(problem, 0) < 2.2
+    fitted, accepted = fitted_with(problem, friction)
+    assert patchwork(problem, fitted, accepted, MARGIN) == ({} if is_dry else {0: Patchwork.FRICTION})

@@ -14,6 +14,7 @@ from diagnosis.figures import equation, report_style
 from diagnosis.ledger import simulated
 from diagnosis.model_equations import model_equations
 from diagnosis.output import to_json
+from diagnosis.patchwork import Patchwork
 from diagnosis.problem import DIVERGED
 from diagnosis.quantities import measured, number, percent, quantity, unbroken
 from diagnosis.report import MEANING, render
@@ -259,6 +260,15 @@ def test_the_sentence_of_an_unknown_cause_says_whether_other_logs_gain() -> None
     assert f"{helps}, but something is missing" in joint_sentence(result, gap)
     worse = "fits these logs better but not others (adding it changes the held-out error from 41.2 to 50.0 mrad"
     assert worse in joint_sentence(result, replace(gap, after=0.05))
+
+
+def test_the_sentence_of_a_patchwork_says_what_the_names_stand_for() -> None:
+    one = replace(joint_result(1, "unknown", "train"), patched=Patchwork.FRICTION)
+    part = "describes the logs, but only as part of one law of friction that no known effect is"
+    assert part in joint_sentence(one, None)
+    two = replace(one, effects=one.effects * 2, patched=Patchwork.POSITION)
+    pieces = "describe the logs, but only as pieces of one smooth torque of the position that no known effect is"
+    assert pieces in joint_sentence(two, None)
 
 
 def test_hostile_names_are_text() -> None:

@@ -270,6 +270,7 @@ class JointResult:
     refused: the hypotheses that were tried last and not accepted, best first. fails_by: how the model fails on data
     that nobody fitted, where only that says that it is wrong. patched: what the effects stand for together, where they
     are pieces of another law. drifts: how constant each parameter is within the logs and from one to the next.
+    title: its name in the robot's description, if that says more than the number.
     """
 
     joint: int
@@ -292,6 +293,7 @@ class JointResult:
     fails_by: Failure | None = None
     patched: Patchwork | None = None
     drifts: tuple[Drift, ...] = ()
+    title: str = ""
 
 
 @dataclass(frozen=True)

@@ -175,7 +175,7 @@ def diagnose(
         tell(f"joint {', '.join(map(str, group))}: measuring the gain")
         for j in range(len(group)):
             result, own_gap, own_rows = joint_result(solved, j, known, settings, read.on, rng)
-            results.append(result)
+            results.append(replace(result, title=joint_title(read, group[j])))
             gaps.append(own_gap)
             ledger += own_rows
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
@@ -302,6 +302,14 @@ def allowed(read: Recordings, number: int) -> Range | None:
 def joint_name(read: Recordings, number: int) -> str:
     """Name of a joint on its robot, or joint_N."""
     return f"joint_{number}" if read.robot is None else read.robot.joint(number).name
+
+
+def joint_title(read: Recordings, number: int) -> str:
+    """Name of a joint on its robot, where that says more than the number."""
+    name = joint_name(read, number)
+    return (
+        "" if name.lower().replace("_", "").replace(" ", "") in (f"joint{number}", f"q{number}", str(number)) else name
+    )
 
 
 def solve(

@@ -35,7 +35,7 @@ from diagnosis.preparation import (
 from diagnosis.problem import DIVERGED, stack
 from diagnosis.replay import replay, rms, transfer, with_phases
 from diagnosis.result import Diagnosis, Estimate, Failure, NominalParameter
-from diagnosis.run import Solved, diagnose, scale_said, solve
+from diagnosis.run import Solved, diagnose, joint_title, scale_said, solve
 from envs.adeptone import adeptone as adept_robot
 from envs.excitation import parse
 from envs.log import Array, JointFacts, Log
@@ -589,6 +589,14 @@ def test_a_model_that_runs_away_is_replayed_to_the_end() -> None:
     run = replay(problem, replace(point, parameters=parameters))
     assert np.all(np.isfinite(run.prediction))
     assert np.nanmax(np.abs(run.whole)) == DIVERGED
+
+
+@pytest.mark.parametrize(
+    ("name", "title"), [("joint_2", ""), ("Joint2", ""), ("q2", ""), ("elbow", "elbow"), ("joint_3", "joint_3")]
+)
+def test_a_joint_has_a_title_where_its_name_says_more_than_its_number(name: str, title: str) -> None:
+    robot = SimpleNamespace(joint=lambda number: SimpleNamespace(name=name))
+    assert joint_title(SimpleNamespace(robot=robot), 2) == title
 
 
 @pytest.mark.parametrize(

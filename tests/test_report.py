@@ -233,6 +233,13 @@ def test_ids_are_unique_and_targets_exist() -> None:
     assert {"joint-1", "joint-2", "joint-3"} <= set(ids)
 
 
+def test_joints_of_a_described_robot_have_their_names() -> None:
+    full = example("named", joints=2)
+    titled = replace(full, joints=(full.joints[0], replace(full.joints[1], title="shoulder_lift")))
+    assert Page(render(titled)).text.count("shoulder_lift") == 2  # in the table and above its section
+    assert "shoulder_lift" not in Page(render(full)).text
+
+
 def test_numbers_of_the_sentence_are_those_of_the_json() -> None:
     diagnosis = example("named")
     data = json.loads(to_json(diagnosis))

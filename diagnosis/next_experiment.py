@@ -19,6 +19,7 @@ from diagnosis.engine import Finding
 from diagnosis.estimation import Fitted, errors, sensitivities
 from diagnosis.isolability import outside
 from diagnosis.problem import Problem
+from diagnosis.quantities import title
 from diagnosis.replay import on_logs, stretch, transfer
 from diagnosis.result import NextExperiment
 from envs.excitation import Chirp, Multisine, ScaledExcitation, Steps, TriangularSweep
@@ -65,7 +66,7 @@ def next_experiment(
             return NextExperiment(
                 joint=joint,
                 excitation=found[best][0].text,
-                purpose=f"to tell {item.name} from {rival.name}".replace("_", " "),
+                purpose=f"to tell {title(item.label)} from {title(rival.label)}",
                 benefit=f"expected evidence {gains[best]:.3g} instead of {here:.3g}",
                 factor=float(gains[best] / max(here, 1e-12)),
             )
@@ -97,12 +98,13 @@ def _sharpest(
     if gains[best] < WORTH:
         return None
     effect, _, parameter = free[kept[weakest]].name.partition("@")[0].rpartition(".")
-    wave = parameter in ("sine", "cosine")
-    name = f"the amplitude of {effect}" if wave else f"{parameter} of {effect}" if effect else parameter
+    label = next((title(e.label) for e in problem.kernel.effects if e.name == effect), "")
+    what = "amplitude" if parameter in ("sine", "cosine") else title(parameter)
+    name = f"the {what} of {label}" if label else f"the {what}"
     return NextExperiment(
         joint=joint,
         excitation=found[best][0].text,
-        purpose=f"to sharpen {name.replace('_', ' ')}, the least certain parameter",
+        purpose=f"to sharpen {name}, the least certain parameter",
         benefit=f"its standard deviation falls by a factor of {gains[best]:.2g}",
         factor=gains[best],
     )

@@ -506,10 +506,11 @@ def test_isolability_and_next_experiment(with_friction: tuple) -> None:
     again, _ = isolability(louder.problem, louder.finding, 0, 1, wanted, Settings())
     assert all(loud.share > 3 * quiet.share for loud, quiet in zip(again, rows, strict=True))
     proposal = next_experiment(solved.problem, solved.finding, 0, 1, None)
-    if proposal is not None:
-        assert proposal.factor > 1.0
-        amplitude = parse(proposal.excitation).amplitude
-        assert 0.0 < amplitude <= 1.01 * seen(solved.problem, 0).command
+    assert proposal is not None
+    assert proposal.factor > 1.0
+    assert proposal.purpose == "to sharpen the torque of Coulomb friction, the least certain parameter"
+    amplitude = parse(proposal.excitation).amplitude
+    assert 0.0 < amplitude <= 1.01 * seen(solved.problem, 0).command
 
 
 def test_compensator_has_to_earn_its_place(with_friction: tuple) -> None:

@@ -65,7 +65,7 @@ def glance(problem: Problem, base: Fitted) -> Glance | None:
     where that saves too little, or the model itself needs whole logs or shorter steps."""
     there = np.flatnonzero(base.point.switches.any(axis=0))
     whole = not all(can_be_glanced_at(problem.kernel.effects[i]) for i in there)
-    if whole or problem.decimation > 1 or any(f.kind == "log" for f in base.point.free):
+    if whole or any(f.kind == "log" for f in base.point.free):
         return None
     length = round(SECONDS / problem.sample_time)
     count = max(SAMPLES // length, 2 * problem.logs)
@@ -97,6 +97,7 @@ def _filterable(part: Problem, filter_: Whitener) -> np.ndarray:
     mask = part.used.copy()
     for a, b in pairwise(part.bounds):
         mask[a : min(b, a + int(np.argmax(part.used[a:b])) + filter_.coefficients.shape[1])] = False
+        mask[a:b] &= np.arange(b - a) % part.decimation == 0
     return mask
 
 

@@ -9,7 +9,7 @@ from diagnosis.estimation import Fitted, plain, predicted_motion
 from diagnosis.glance import Glance, can_be_glanced_at, glance
 from diagnosis.hypotheses import Hypothesis, extend, proposals, sizes_of
 from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.problem import Problem, stack
+from diagnosis.problem import Problem, in_band, stack
 from diagnosis.regression import View
 from diagnosis.search import try_all
 from envs.log import Array, JointFacts, Log
@@ -76,6 +76,16 @@ def test_a_part_promises_what_all_samples_do(rubbing: tuple[Problem, Fitted]) ->
     assert part["periodic_disturbance"] == whole["periodic_disturbance"]  # it counts time: all samples
     assert look.is_enough(part["coulomb_friction"])
     assert not look.is_enough(20.0 / look.share)
+
+
+def test_a_part_promises_what_all_samples_do_in_the_band_of_the_motion(rubbing: tuple[Problem, Fitted]) -> None:
+    narrow = in_band(rubbing[0])
+    assert narrow.decimation > 1
+    base = fit_nominal(narrow, (JointStructure(),))
+    look = glance(narrow, base)
+    assert look is not None
+    part, whole = promised(narrow, base, look), promised(narrow, base, None)
+    assert part["coulomb_friction"] == pytest.approx(whole["coulomb_friction"], rel=0.3)
 
 
 def test_segments_begin_in_the_state_of_the_model(rubbing: tuple[Problem, Fitted]) -> None:

@@ -41,6 +41,8 @@ WORSE = 1.25
 """Factor by which effects that are there do not increase the error on data that nobody fitted."""
 LEFT = 0.005
 """Share of the nominal model's error below which a model holds on other logs whatever the noise."""
+UNREAD = 0.05
+"""The same where the model errs by less than one step of the encoder."""
 INEXACT = 5e-4
 """Share of the motion in a window below which the model of a coupled joint holds whatever the noise: the integrator's
 small errors at the other joint reach it as well."""
@@ -105,8 +107,9 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
 
     A patchwork of known effects can pass for an unknown one in the range of the fitted motion, not beyond it. The mean
     square of every window counts as a square of one normal deviate, so that few windows have to err by more. What the
-    effects leave of the nominal model's error only in the third digit is no failure of theirs. Events need not happen
-    in another log, and states that a log does not show may be others at its beginning.
+    effects leave of the nominal model's error only in the third digit, or in the second where no reading shows it, is
+    no failure of theirs. Events need not happen in another log, and states that a log does not show may be others at
+    its beginning.
     """
     if finding.verdict == "unknown":
         return {}
@@ -120,7 +123,7 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
         if not count:
             continue
         before, after = (float(np.mean(squares)) for squares in blocks)
-        enough = LEFT**2 * before
+        enough = max(LEFT**2 * before, min(problem.encoder_step**2, UNREAD**2 * before))
         if problem.joints > 1:
             motion = float(np.mean(in_blocks(held_out.reading[:, j], held_out.bounds, width, about_mean=True)))
             enough = max(enough, INEXACT**2 * motion)

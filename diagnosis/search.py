@@ -136,8 +136,9 @@ def try_all(
     either = {s.hypothesis.key: s for s in [*bare, *own]}.values()
     other = [(start, p, 3) for start in either for p in exchanged(problem, base.point, start)]
     forms = each(lambda item: generalised(problem, views[0], *item, sizes[item[1]]), general)
-    other += [(start, p, 6) for start, p in forms if start.promise > NEARLY * max(needed, np.log(base.samples))]
+    hopeful = [form for form in forms if form[0].promise > NEARLY * max(needed, np.log(base.samples))]
     rough += each(lambda item: (item[0], fit(problem, item[1], rounds=1, iterations=item[2])), other)
+    rough += each(lambda item: (item[0], containing(problem, base, item[1])), hopeful)
     promises = {(start.hypothesis.effect.name, start.hypothesis.joint): start.promise for start in reversed(lists[0])}
     return _converged(problem, base, [score(problem, base, start, fitted) for start, fitted in rough], promises, finals)
 
@@ -308,9 +309,13 @@ def stuck(problem: Problem, final: Sequence[Scored]) -> list[Scored]:
 
 def unstuck(problem: Problem, base: Fitted, scored: Scored) -> Scored:
     """The hypothesis fitted to the errors as they are, and then to their innovations."""
-    bare = fit(problem, scored.fitted.point, unfiltered(problem), rounds=1, iterations=10, renewed=False)
-    fitted = fit(problem, bare.point, rounds=2, iterations=6)
-    return scored.refitted(base, fitted)
+    return scored.refitted(base, free_of_filter(problem, scored.fitted.point))
+
+
+def free_of_filter(problem: Problem, point: Point) -> Fitted:
+    """Fit to the errors as they are, and from there to their innovations."""
+    bare = fit(problem, point, unfiltered(problem), rounds=1, iterations=10, renewed=False)
+    return fit(problem, bare.point, rounds=2, iterations=6)
 
 
 def with_limiting_effects(problem: Problem, base: Fitted, ranked: Sequence[Scored]) -> list[Scored]:
@@ -378,10 +383,11 @@ def contained(problem: Problem, point: Point, effect: Effect, joint: int) -> Eff
     return next((form for form in forms if point.switches[joint, on[form.name]]), None)
 
 
-def generalised(problem: Problem, view: View, effect: Effect, joint: int, size: Scales) -> tuple[Start, Point]:
+def generalised(problem: Problem, view: View, effect: Effect, joint: int, size: Scales) -> tuple[Start, list[Point]]:
     """The more general form of a law in place of the one that is in the model, which lends it what both describe.
 
-    Its further parameters are those that leave least of the errors, to first order in all parameters.
+    Its further parameters are those that leave least of the errors, to first order in all parameters; a second point,
+    where there is one, has those with which both forms are the same.
     """
     base, hypothesis = view.fitted, Hypothesis(effect, joint)
     inner = contained(problem, base.point, effect, joint)
@@ -390,7 +396,8 @@ def generalised(problem: Problem, view: View, effect: Effect, joint: int, size: 
     known = {q.name: base.point.parameters[:, joint, problem.kernel.column(inner, q.name)] for q in inner.parameters}
     lent = [i for i, parameter in enumerate(effect.parameters) if parameter.name in known]
     without, values = withdraw(problem, base.point, inner.name, joint), []
-    if len(lent) + len(effect.neutral) == effect.size:
+    has_same = len(lent) + len(effect.neutral) == effect.size
+    if has_same:
         shapes.append((0.0,) * len(lent) + effect.neutral)
     for shape in shapes:
         values.append(np.tile(np.array(shape, float), (problem.logs, 1)))
@@ -412,7 +419,20 @@ def generalised(problem: Problem, view: View, effect: Effect, joint: int, size: 
     reached = point.at(np.clip(after, [f.lower for f in point.free], [f.upper for f in point.free]))
     visible = resolved(effect, reached.parameters[0, joint, problem.kernel.own(effect)], size)
     promise = view.promise(problem, left) - kept if visible else -np.inf
-    return Start(hypothesis, values[best], promise, len(shapes)), point
+    same = points[-1:] if has_same and best != len(points) - 1 else []
+    return Start(hypothesis, values[best], promise, len(shapes)), [point, *same]
+
+
+def containing(problem: Problem, base: Fitted, points: Sequence[Point]) -> Fitted:
+    """The best fit, from several points, of a form that contains the one in the model.
+
+    It cannot do worse than that. Where it seems to, the filter takes slow errors for noise, and it is fitted to the
+    errors as they are.
+    """
+    best = min((fit(problem, p, rounds=1, iterations=6) for p in points), key=lambda fitted: fitted.criterion)
+    if best.criterion <= base.criterion:
+        return best
+    return min(best, free_of_filter(problem, points[-1]), key=lambda fitted: fitted.criterion)
 
 
 def resolved(effect: Effect, values: Array, size: Scales) -> bool:

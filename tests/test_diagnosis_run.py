@@ -543,6 +543,24 @@ def test_effects_that_make_held_out_logs_worse_are_not_the_right_ones() -> None:
     assert found == {0: Failure(pytest.approx(2.0), noise=False)}
 
 
+def test_errors_that_no_reading_shows_are_no_failure() -> None:
+    """Less than a step of the encoder and than a twentieth of the nominal model's error, whatever the noise floor."""
+    solved = solved_of(read_of(model_of(FRICTION)), "coulomb_friction")
+    nominal, after = solved.ledger[-2:]
+
+    def failing(before: float, left: float) -> bool:
+        steps = [
+            replace(step, replay=replace(step.replay, windows=np.where(np.isnan(step.replay.windows), np.nan, error)))
+            for step, error in ((nominal, before * STEP), (after, left * STEP))
+        ]
+        coarse = replace(solved.problem, encoder_step=10 * STEP)
+        return bool(failures(coarse, solved.held_out, solved.finding, steps))
+
+    assert not failing(1000.0, 9.0)
+    assert failing(100.0, 9.0)
+    assert failing(1000.0, 15.0)
+
+
 def test_a_law_that_fails_on_held_out_logs_is_not_the_right_one() -> None:
     smooth, rough = model_of({}), model_of(FRICTION)
     fitted = [recorded(smooth, 1), recorded(smooth, 2)]

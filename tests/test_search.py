@@ -29,7 +29,7 @@ from diagnosis.problem import Problem, stack
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import remainder
 from diagnosis.replay import imitated_floor, noise_floor, transfer
-from diagnosis.search import Scored, exchanged, generalised, price, retimed, try_all
+from diagnosis.search import Scored, containing, exchanged, generalised, price, retimed, try_all
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array, JointFacts, Log
 from methods.base import State
@@ -341,7 +341,7 @@ def test_a_general_form_begins_where_the_textbook_form_is(name: str, values: lis
     nominal = fit_nominal(problem, (JointStructure(),))
     base = fit(problem, extend(problem, nominal.point, Hypothesis(inner, 0), np.array([values])))
     (general,) = (effect for effect in EFFECTS if effect.label == name and effect.neutral)
-    start, point = generalised(problem, View.of(problem, base), general, 0, sizes_of(problem, base)[0])
+    start, (point, *_) = generalised(problem, View.of(problem, base), general, 0, sizes_of(problem, base)[0])
     assert not point.switches[0, KERNEL.switches[name]]
     assert start.promise < 12.0
     same, own, bare = errors(problem, [base.point, point, nominal.point])
@@ -599,3 +599,21 @@ def test_a_fine_encoder_is_seen_on_a_long_way() -> None:
     problem = stack(KERNEL, [Log(time, np.cos(time), text, (1,), name="a")], (1,))
     assert problem.encoder_step == pytest.approx(step, rel=1e-4)
     assert np.array_equal(problem.reading[:, 0], text)
+
+
+@pytest.mark.parametrize(("plain_fit", "asked"), [(1.0, False), (5.0, True)])
+def test_a_form_that_contains_another_cannot_do_worse(
+    monkeypatch: pytest.MonkeyPatch, plain_fit: float, asked: bool
+) -> None:
+    """Where it seems to, the errors as they are decide."""
+    freed = []
+
+    def free(problem, point):
+        freed.append(point)
+        return SimpleNamespace(criterion=2.0)
+
+    monkeypatch.setattr("diagnosis.search.fit", lambda problem, point, **rest: SimpleNamespace(criterion=plain_fit))
+    monkeypatch.setattr("diagnosis.search.free_of_filter", free)
+    found = containing(None, SimpleNamespace(criterion=3.0), ["best", "same"])  # type: ignore[arg-type, list-item]
+    assert found.criterion == min(plain_fit, 2.0)
+    assert freed == (["same"] if asked else [])

@@ -230,20 +230,25 @@ def fit(
             gradient = scaled @ (innovation * scale) + certainty * away
             if not (np.all(np.isfinite(systems[0][0])) and np.all(np.isfinite(gradient)) and np.any(systems[0][0])):
                 break
-            trials = _trials(point, filter_, gradient, systems, damping, lower, upper)
-            tried = []
-            for some in (trials[:1], trials[1:]):
-                outcomes = errors(problem, [trial.point for trial in some])
-                for trial, outcome in zip(some, outcomes, strict=True):
-                    cost = np.inf
-                    if problem.credible(outcome):
-                        away = trial.point.vector - centre
-                        cost = float(np.sum((trial.filter_(outcome) * scale) ** 2) + away**2 @ certainty)
-                    tried.append((trial, outcome, cost))
-                if base - tried[0][2] > AS_PREDICTED * trials[0].predicted:
-                    break
-            trial, outcome, cost = min(tried, key=lambda item: item[2])
-            if not cost < base:
+            trials = []
+            for gram, follow in systems:
+                diagonal = np.maximum(np.diag(gram), 1e-30 * max(np.max(np.diag(gram)), 1e-300))
+                root = np.sqrt(diagonal)
+                for factor in (damping * 0.1, damping * 100.0):
+                    matrix = gram + factor * np.diag(diagonal)
+                    step = np.linalg.lstsq(matrix / np.outer(root, root), -gradient / root, rcond=1e-13)[0]
+                    vector = np.clip(point.vector + step / root, lower, upper)
+                    own = filter_ if follow is None else filter_.moved(follow @ (vector - point.vector))
+                    trials.append((factor, point.at(vector), own))
+            outcomes = errors(problem, [trial for _, trial, _ in trials])
+            costs = [
+                float(np.sum((own(outcome) * scale) ** 2) + (trial.vector - centre) ** 2 @ certainty)
+                if problem.credible(outcome)
+                else np.inf
+                for outcome, (_, trial, own) in zip(outcomes, trials, strict=True)
+            ]
+            best = int(np.argmin(costs))
+            if not costs[best] < base:
                 if age:
                     age = REUSED
                     continue
@@ -251,9 +256,10 @@ def fit(
                     break
                 damping *= 1e4
                 continue
-            damping, point, error, filter_ = max(trial.damping, 1e-7), trial.point, outcome, trial.filter_
+            damping = max(trials[best][0], 1e-7)
+            point, error, filter_ = trials[best][1], outcomes[best], trials[best][2]
             age += 1
-            if cost > base * (1.0 - tolerance):
+            if costs[best] > base * (1.0 - tolerance):
                 if (
                     age == 1 or turn < rounds - 1
                 ):  # by the sensitivities of the point itself, or soon to be filtered anew
@@ -262,41 +268,6 @@ def fit(
     if renewed:
         filter_ = whitener(problem, error)
     return finish(problem, point, error, filter_, count, known, slopes if age <= 1 else None)
-
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """One step of a fit: damping, where it leads, with which filter, and the decrease of the cost that it predicts."""
-
-    damping: float
-    point: Point
-    filter_: Whitener
-    predicted: float
-
-
-def _trials(
-    point: Point,
-    filter_: Whitener,
-    gradient: Array,
-    systems: Sequence[tuple[Array, Array | None]],
-    damping: float,
-    lower: Array,
-    upper: Array,
-) -> list[_Trial]:
-    """Steps by each of the normal equations with less and with more damping; first the one that should do best."""
-    found, begin = [], point.vector
-    for gram, follow in systems:
-        diagonal = np.maximum(np.diag(gram), 1e-30 * max(np.max(np.diag(gram)), 1e-300))
-        root = np.sqrt(diagonal)
-        for factor in (damping * 0.1, damping * 100.0):
-            matrix = gram + factor * np.diag(diagonal)
-            step = np.linalg.lstsq(matrix / np.outer(root, root), -gradient / root, rcond=1e-13)[0]
-            vector = np.clip(begin + step / root, lower, upper)
-            moved = vector - begin
-            own = filter_ if follow is None else filter_.moved(follow @ moved)
-            predicted = -float(2.0 * gradient @ moved + moved @ gram @ moved)
-            found.append(_Trial(factor, point.at(vector), own, predicted))
-    return sorted(found, key=lambda trial: -trial.predicted)
 
 
 def _systems(
@@ -317,8 +288,6 @@ def _systems(
     return found
 
 
-AS_PREDICTED = 0.75
-"""Share of the predicted decrease with which a step is taken without trying others."""
 REUSED = 4
 """Steps that may be taken by the same sensitivities."""
 ATTEMPTS = 4

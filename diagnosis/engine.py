@@ -17,7 +17,7 @@ from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import Problem, in_band
 from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainder
-from diagnosis.replay import on_logs, transfer, with_phases
+from diagnosis.replay import transfer, with_phases
 from diagnosis.search import (
     FORM,
     Ranked,
@@ -33,6 +33,7 @@ from diagnosis.search import (
     within,
 )
 from diagnosis.timing import timing_settled
+from diagnosis.whitening import on_logs
 from envs.log import Array
 from methods.effects.base import Effect
 from methods.parallel import each

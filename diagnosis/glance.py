@@ -15,7 +15,7 @@ import numpy as np
 from diagnosis.estimation import Fitted, Point, errors, finish, plain, predicted_motion
 from diagnosis.problem import Free, Problem
 from diagnosis.regression import View
-from diagnosis.whitening import Whitener
+from diagnosis.whitening import filterable
 from envs.log import Array
 from methods.effects.base import Effect
 
@@ -80,7 +80,7 @@ def glance(problem: Problem, base: Fitted) -> Glance | None:
         part = _cut(part, predicted_motion(problem, point), places, length)
         free = _free(point, part, logs)
         point = replace(point, parameters=point.parameters[logs], starts=part.starts, free=free)
-        filter_ = replace(filter_, mask=_filterable(part, filter_))
+        filter_ = replace(filter_, mask=filterable(part, filter_.coefficients.shape[1]))
     error = errors(part, [point])[0]
     if not filter_.mask.any() or not part.credible(error):
         return None
@@ -90,15 +90,6 @@ def glance(problem: Problem, base: Fitted) -> Glance | None:
     views = tuple(View.of(part, view) for view in (fitted, plain(part, fitted)))
     known = tuple(view.promise(part, view.least(view.jacobian[:0], view.residual)[2]) for view in views)
     return Glance(part, views, logs, fitted.samples / base.samples, known)
-
-
-def _filterable(part: Problem, filter_: Whitener) -> np.ndarray:
-    """Mask (T,) of the samples that the filter reaches from after the burn-in of their segment."""
-    mask = part.used.copy()
-    for a, b in pairwise(part.bounds):
-        mask[a : min(b, a + int(np.argmax(part.used[a:b])) + filter_.coefficients.shape[1])] = False
-        mask[a:b] &= np.arange(b - a) % part.decimation == 0
-    return mask
 
 
 def _places(problem: Problem, length: int, count: int) -> np.ndarray:

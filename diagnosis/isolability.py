@@ -20,8 +20,9 @@ from diagnosis.engine import Finding, Settings
 from diagnosis.estimation import Fitted, Point, errors, finish
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.problem import Problem
-from diagnosis.replay import on_logs, stretch
+from diagnosis.replay import stretch
 from diagnosis.result import Confusable, Isolability
+from diagnosis.whitening import on_logs
 from envs.log import Array
 from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL

@@ -20,8 +20,9 @@ from diagnosis.estimation import Fitted, errors, sensitivities
 from diagnosis.isolability import outside
 from diagnosis.problem import Problem
 from diagnosis.quantities import title
-from diagnosis.replay import on_logs, stretch, transfer
+from diagnosis.replay import stretch, transfer
 from diagnosis.result import NextExperiment
+from diagnosis.whitening import on_logs
 from envs.excitation import Chirp, Multisine, ScaledExcitation, Steps, TriangularSweep
 
 LENGTH = 10.0

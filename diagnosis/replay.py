@@ -19,7 +19,7 @@ from scipy.signal import lfilter, savgol_filter
 
 from diagnosis.estimation import Fitted, Point, covariance, errors
 from diagnosis.problem import Problem, bounded, smooth_derivatives
-from diagnosis.whitening import Whitener
+from diagnosis.whitening import Whitener, on_logs
 from envs.log import Array
 from methods.kernel import NOMINAL
 from methods.two_layer_network import TwoLayerNetwork, pack
@@ -70,15 +70,6 @@ def transfer(problem: Problem, point: Point) -> Point:
             if effect.scan == "event" and len(amplitudes) > 1 and np.any(np.all(amplitudes == 0.0, axis=1)):
                 switches[j, column] = False
     return replace(point, parameters=parameters, switches=switches, starts=problem.starts.copy(), free=())
-
-
-def on_logs(problem: Problem, filter_: Whitener) -> Whitener:
-    """A whitening filter for other logs than those it was made on: their usable samples, as far apart."""
-    mask = problem.used.copy()
-    for a, b in pairwise(problem.bounds):
-        mask[a : min(b, a + int(np.argmax(problem.used[a:b])) + filter_.coefficients.shape[1])] = False
-        mask[a:b] &= np.arange(b - a) % problem.decimation == 0
-    return Whitener(filter_.coefficients, mask)
 
 
 def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:

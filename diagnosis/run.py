@@ -307,9 +307,8 @@ def joint_name(read: Recordings, number: int) -> str:
 def joint_title(read: Recordings, number: int) -> str:
     """Name of a joint on its robot, where that says more than the number."""
     name = joint_name(read, number)
-    return (
-        "" if name.lower().replace("_", "").replace(" ", "") in (f"joint{number}", f"q{number}", str(number)) else name
-    )
+    bare = name.lower().replace("_", "").replace(" ", "")
+    return "" if bare in (f"joint{number}", f"q{number}", str(number)) else name
 
 
 def solve(

@@ -86,13 +86,7 @@ def whitener(problem: Problem, error: Array) -> Whitener:
     order = blocks[-1][1] - 1
     band = band_filter(problem)
     memory = order * every + len(band) - 1
-    mask = problem.used.copy()
-    for start, stop in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
-        first = start + int(np.argmax(problem.used[start:stop]))
-        mask[first : first + memory] = False
-        kept = np.zeros(stop - start, dtype=bool)
-        kept[::every] = True
-        mask[start:stop] &= kept
+    mask = filterable(problem, memory)
     limited = _noise_like(problem, error, band)
     rows = np.flatnonzero(mask)
     rows = rows[_thinned(len(rows))]
@@ -104,6 +98,21 @@ def whitener(problem: Problem, error: Array) -> Whitener:
         solution[j] = np.linalg.solve(gram[1:, 1:] + ridge * np.eye(len(blocks)), gram[1:, 0])
     coefficients = np.stack([_expanded(own, blocks, every, band) for own in solution])
     return Whitener(coefficients, mask, solution, tuple(blocks), band, every)
+
+
+def filterable(problem: Problem, memory: int) -> np.ndarray:
+    """Mask (T,) of the usable samples, as far apart as the problem's decimation says, without the first `memory` ones
+    after the burn-in of each log, which a filter needs."""
+    mask = problem.used.copy()
+    for a, b in pairwise(problem.bounds):
+        mask[a : min(b, a + int(np.argmax(problem.used[a:b])) + memory)] = False
+        mask[a:b] &= np.arange(b - a) % problem.decimation == 0
+    return mask
+
+
+def on_logs(problem: Problem, filter_: Whitener) -> Whitener:
+    """A whitening filter for other logs than those it was made on, with coefficients that stay as they are."""
+    return Whitener(filter_.coefficients, filterable(problem, filter_.coefficients.shape[1]))
 
 
 def _thinned(count: int) -> np.ndarray:

@@ -45,6 +45,8 @@ FORK = 0.5
 """Share of the chosen effect's evidence from which another one may have been the better choice."""
 FORKS = 2
 """Other ways that are tried."""
+LUCKY = 0.5
+"""Share of what noise lets all functions of the remainder explain that it may let one effect explain."""
 CLOSER = 0.3
 """Errors as they are, over those that the chosen effect leaves, from which another one may have been the better choice,
 whatever its evidence: the filter may have taken what it explains for slow noise."""
@@ -230,6 +232,11 @@ class Path:
         """What noise does not account for in all remainders."""
         return sum(r.excess for r in self.left)
 
+    @property
+    def scattered(self) -> float:
+        """What noise alone would let an effect explain, where small causes grow in the model."""
+        return LUCKY * sum(r.scattered for r in self.left)
+
 
 @dataclass(frozen=True, eq=False)
 class Search:
@@ -253,6 +260,7 @@ class Search:
                 path = replace(path, left=remainders(problem, path.base))
                 complete = path.excess <= allowance(self.nominal, path.base)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
+                needed = max(needed, path.scattered)
             candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
             ranked = try_all(problem, path.base, candidates, needed=needed)
             if not path.accepted and stuck(problem, ranked):
@@ -260,7 +268,8 @@ class Search:
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
             ranked = with_limiting_effects(problem, path.base, ranked)
-            chosen = choose(problem, ranked, settings, explained, {item.joint for item in path.accepted})
+            taken = {item.joint for item in path.accepted}
+            chosen = choose(problem, ranked, settings, explained, taken, least=path.scattered)
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
                 path = replace(path, refused=ranking(ranked), unsteady=unsteady)
@@ -432,11 +441,17 @@ def much_closer(problem: Problem, chosen: Accepted, ranked: Sequence[Scored], se
 
 
 def choose(
-    problem: Problem, ranked: list[Scored], settings: Settings, explained: float, taken: Set[int]
+    problem: Problem,
+    ranked: list[Scored],
+    settings: Settings,
+    explained: float,
+    taken: Set[int],
+    least: float = 0.0,
 ) -> Accepted | None:
     """The best hypothesis that is significant and material; among near equals the one with fewest parameters.
 
     taken: joints that have an effect already, whose inexact law a small further one on the same joint may repair.
+    least: decrease of -2 log likelihood that noise alone can bring.
     """
     ranked = [s for s in ranked if is_resolved(problem, s) and is_steady(problem, s) and is_possible(problem, s)]
     ranked = textbook(ranked)
@@ -444,7 +459,7 @@ def choose(
         return None
     top = ranked[0]
     margin = max(settings.rival, 0.02 * top.decrease)
-    if top.decrease < settings.minor * explained:
+    if top.decrease < max(settings.minor * explained, least):
         return None
     best = max(s.evidence for s in ranked)
     near = [

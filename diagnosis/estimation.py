@@ -54,6 +54,12 @@ class Point:
         return self.vector[[f.name for f in self.free].index(name)]
 
 
+def scatters(problem: Problem, point: Point, joint: int) -> bool:
+    """Whether a joint's model has an effect in which small causes grow."""
+    present = zip(problem.kernel.effects, point.switches[joint], strict=True)
+    return any(on and effect.scatters for effect, on in present)
+
+
 def errors(problem: Problem, points: Sequence[Point], extra: Array | None = None, leak: bool = True) -> Array:
     """Prediction errors (C, T, n) of several points with the same switches or not."""
     return problem.errors(

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.estimation import Fitted, errors, predicted_motion, weights
+from diagnosis.estimation import Fitted, errors, predicted_motion, scatters, weights
 from diagnosis.hypotheses import adjoint
 from diagnosis.problem import Problem, bandwidth
 from diagnosis.projection import project
@@ -28,6 +28,8 @@ SLOW = 3
 """Half waves over a log, and over the sequence of logs, of a parameter that drifts."""
 CHANCE = 1e-5
 """p-value from which a parameter counts as constant."""
+DRAWS = 5
+"""Realisations of the noise that such a joint is simulated with."""
 SMALL = 0.0015
 """Effect of a drift beside that of the command, up to which it is put down to integrators and inexact laws."""
 
@@ -66,7 +68,8 @@ class Remainder:
     that they stand for as a share of the command's rms.
 
     disturbance: rms of the torque that no logged signal accounts for, in units of the command; disturbance_share: the
-    same over the rms of the motor torque. drifts: parameters in the order of their p-values.
+    same over the rms of the motor torque. drifts: parameters in the order of their p-values. scattered: the decrease
+    that the groups bring where such a torque is all that the model lacks, if it is one in which small causes grow.
     """
 
     dependences: tuple[Dependence, ...]
@@ -76,14 +79,17 @@ class Remainder:
     disturbance: float
     disturbance_share: float
     drifts: tuple[Drift, ...] = ()
+    scattered: float = 0.0
 
     @property
     def excess(self) -> float:
         """Decrease beyond what noise alone would give.
 
-        White noise gives one per function with a standard deviation of sqrt(2 functions).
+        White noise gives one per function with a standard deviation of sqrt(2 functions), all of it larger where small
+        causes grow.
         """
-        return max(0.0, self.decrease - 1.3 * self.functions - 4.0 * np.sqrt(2.0 * self.functions))
+        chance = 1.3 * self.functions + 4.0 * np.sqrt(2.0 * self.functions)
+        return max(0.0, self.decrease - chance * max(1.0, self.scattered / self.functions))
 
 
 def signals(problem: Problem, motion: Array, joint: int) -> dict[str, list[Array]]:
@@ -161,14 +167,45 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         p = float(min(1.0, len(responses) * chi2.sf(max(decrease, 0.0), len(response))))
         found.append(Dependence(name, float(decrease), len(response), p))
     every = np.vstack([fitted.jacobian, *responses.values()])
+    scatter = scattering(problem, fitted, joint, motion)
     return Remainder(
         tuple(sorted(found, key=lambda d: -d.decrease / d.functions)),
         float(gain(every) - base),
         sum(len(r) for r in responses.values()),
         _share(problem, fitted, joint, groups, every, residual, size),
         *disturbance(problem, fitted, joint, motion),
-        drifts(problem, fitted, joint),
+        drifts(problem, fitted, joint, scatter),
+        scattered(fitted, every, scatter),
     )
+
+
+def scattering(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> Array:
+    """What noise makes of the innovations (DRAWS, N n), weighted, of a joint in which small causes grow; (0, N n) else.
+
+    Behind impacts a small torque makes errors that are no longer small nor independent of the motion, whatever the
+    whitening. So the model is simulated once more with a random torque that has the spectrum of the unexplained one.
+    """
+    nothing: Array = np.zeros((0, fitted.innovation.size))
+    if not scatters(problem, fitted.point, joint):
+        return nothing
+    generator, (frequency, power, band) = np.random.default_rng(0), torque_spectrum(problem, fitted, joint, motion)
+    count, noise = len(problem.time), weights(fitted.innovation, problem.joints)
+    size = np.sqrt(np.interp(np.fft.rfftfreq(count, problem.sample_time), frequency, np.where(band, power, 0.0)))
+    extra = np.zeros((DRAWS, count, problem.joints))
+    extra[:, :, joint] = np.fft.irfft(np.fft.rfft(generator.standard_normal((DRAWS, count))) * size, count)
+    changed = errors(problem, [fitted.point] * DRAWS, extra=extra)
+    if not problem.credible(changed):
+        return nothing
+    return np.asarray(fitted.whitener(changed - fitted.error) * noise)
+
+
+def scattered(fitted: Fitted, basis: Array, scatter: Array) -> float:
+    """Decrease of -2 log likelihood that a basis (free parameters first) brings where noise alone has made the errors,
+    `scatter`."""
+    known = basis[: len(fitted.jacobian)]
+    taken = [project(basis, own)[1] - project(known, own)[1] for own in scatter]
+    share = float(np.mean(taken)) / fitted.total if taken else 0.0
+    return float(-(scatter.shape[1] // len(fitted.variances)) * np.log(max(1.0 - share, 1e-12)))
 
 
 def slow_functions(problem: Problem) -> Array:
@@ -183,10 +220,11 @@ def slow_functions(problem: Problem) -> Array:
     return functions
 
 
-def drifts(problem: Problem, fitted: Fitted, joint: int) -> tuple[Drift, ...]:
+def drifts(problem: Problem, fitted: Fitted, joint: int, scatter: Array) -> tuple[Drift, ...]:
     """What slow changes of each of the joint's parameters would explain, all others refitted to first order.
 
-    Those of an event act once and are left out.
+    Those of an event act once and are left out. scatter: errors that noise alone makes (`scattering`), of which the
+    same changes explain a part.
 
     The score test of constant parameters; J. Nyblom, Testing for the constancy of parameters over time, Journal of the
     American Statistical Association 84 (1989), with a fixed number of smooth alternatives.
@@ -207,16 +245,20 @@ def drifts(problem: Problem, fitted: Fitted, joint: int) -> tuple[Drift, ...]:
     reference = max(100.0 * float(np.linalg.norm(both[1] - both[0])), 1e-300)
     certainty = np.diag([f.deviation**-2.0 for f in fitted.point.free])
     inverse = np.linalg.pinv(basis @ basis.T + certainty, rcond=1e-14, hermitian=True)
-    right, found = basis @ residual, []
+    samples, found = np.vstack([residual, scatter]), []
+    right = samples @ basis.T
     for i in tested:
         changed = basis[i] * slow
         cross = changed @ basis.T @ inverse
         gram = changed @ changed.T - cross @ basis @ changed.T
-        score = changed @ residual - cross @ right
+        scores = samples @ changed.T - right @ cross.T
         scale = np.sqrt(np.maximum(np.diag(changed @ changed.T), 1e-300))
-        size = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-8, hermitian=True) @ (score / scale) / scale
-        decrease = float(-count * np.log(max(1.0 - max(score @ size, 0.0) / total, 1e-12)))
-        p = float(min(1.0, len(tested) * chi2.sf(decrease, len(slow))))
+        inner = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-8, hermitian=True) / np.outer(scale, scale)
+        taken = np.einsum("ri,ij,rj->r", scores, inner, scores)
+        size = inner @ scores[0]
+        decrease = float(-count * np.log(max(1.0 - max(taken[0], 0.0) / total, 1e-12)))
+        each = float(np.mean(taken[1:])) * count / (total * len(slow)) if len(scatter) else 1.0
+        p = float(min(1.0, len(tested) * chi2.sf(decrease / max(each, 1.0), len(slow))))
         share = float(np.linalg.norm(size @ changed)) / reference
         found.append(Drift(fitted.point.free[i].name, decrease, len(slow), p, share))
     return tuple(sorted(found, key=lambda d: d.p_value))
@@ -225,7 +267,18 @@ def drifts(problem: Problem, fitted: Fitted, joint: int) -> tuple[Drift, ...]:
 def disturbance(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> tuple[float, float]:
     """Rms of the unlogged torque that drives the joint in its band of motion, and its share of the motor torque's.
 
+    motion: predicted angle, velocity and motor torque (T, 3).
+    """
+    _, power, band = torque_spectrum(problem, fitted, joint, motion)
+    size = float(np.sqrt(np.sum(power[band]) / (len(power) - 1)))
+    return size, size / max(float(np.sqrt(np.mean(motion[problem.used, 2] ** 2))), 1e-300)
+
+
+def torque_spectrum(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> tuple[Array, Array, np.ndarray]:
+    """Frequencies (F,), spectrum (F,) of the unlogged torque that drives a joint, and the mask of its band of motion.
+
     motion: predicted angle, velocity and motor torque (T, 3); a measured velocity shows the band of a coarse encoder.
+    The mean of the spectrum over all frequencies is the mean square of the torque.
 
     With S the spectrum of the prediction errors, S_0 what white noise of the sensor makes of it behind the leak l
     (``S_0 ~ w^2 / (w^2 + l^2)``, its level read off the upper half of the band) and H the response of the error to a
@@ -235,7 +288,7 @@ def disturbance(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> 
     """
     tool, dt = adjoint(problem, fitted, joint), problem.sample_time
     count = 1 << 15
-    frequency = np.fft.rfftfreq(count, dt)
+    frequency = np.asarray(np.fft.rfftfreq(count, dt), dtype=np.float64)
     filter_power = np.abs(np.fft.rfft(fitted.whitener.coefficients[joint], count)) ** 2
     variance = float(fitted.variances[joint])
     spectrum = variance / np.maximum(filter_power, 1e-300)
@@ -244,8 +297,8 @@ def disturbance(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> 
     chance = 3.0 * np.sqrt(2.0 * len(fitted.whitener.blocks) / max(fitted.samples // problem.joints, 1))
     power = tool.power(angular, dt)
     if not np.any(power > 0.0):  # friction holds the joint all the time: no torque shows
-        return 0.0, 0.0
-    torque = (
+        return frequency, np.zeros(len(frequency)), np.zeros(len(frequency), dtype=bool)
+    torque: Array = (
         variance
         / np.maximum(power, FLOOR * np.max(power))
         * np.clip(1.0 - (1.0 + chance) * sensor / spectrum, 0.0, 1.0)
@@ -253,8 +306,7 @@ def disturbance(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> 
     lowest = 2.0 / (problem.time[problem.bounds[1] - 1] - problem.time[0])
     bands = (bandwidth(problem.time[a:b], motion[a:b, 1]) for a, b in pairwise(problem.bounds))
     band = frequency < max(lowest, *bands)
-    size = float(np.sqrt(2.0 * np.sum(torque[band]) / count))
-    return size, size / max(float(np.sqrt(np.mean(motion[problem.used, 2] ** 2))), 1e-300)
+    return frequency, torque, band
 
 
 def _share(

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point, errors, fit, plain, sensitivities
+from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
 from diagnosis.glance import glance
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.problem import Problem
@@ -450,10 +450,15 @@ def is_resolved(problem: Problem, scored: Scored) -> bool:
 
 
 def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12) -> Scored:
-    """The same hypothesis fitted until it has converged."""
+    """The same hypothesis fitted until it has converged.
+
+    Where small causes grow there are many optima, fewer of them for the errors as they are.
+    """
     hypothesis = scored.start.hypothesis
     fitted = retimed(problem, scored.fitted, hypothesis)
     fitted = fit(problem, fitted.point, rounds=2, iterations=iterations)
+    if any(scatters(problem, fitted.point, j) for j in range(problem.joints)):
+        fitted = min(fitted, free_of_filter(problem, fitted.point), key=lambda option: option.criterion)
     if fitted.criterion > scored.fitted.criterion:
         return scored
     return scored.refitted(base, fitted)

@@ -511,7 +511,7 @@ def _resolved(P, h):
 @njit(cache=True, error_model='numpy')
 def _finer(P, on, h):
     """Factor on the number of steps of length h: friction that is rounded has to turn within several of them, a winding
-    lag that is no delay has to last for one."""
+    lag that is no delay has to last for one, and so do the blows of a play."""
     count = 1
     for j in range(P.shape[0]):
         while count < 4 and P[j, ELECTRICAL] > 0.2 * h and count * P[j, ELECTRICAL] < h:
@@ -527,6 +527,11 @@ def _finer(P, on, h):
             slope = max(slope, P[j, YIELD_P + 2] * P[j, INERTIA] / P[j, YIELD_P + 1])
         while count < 4 and slope * h > 0.4 * count * P[j, INERTIA]:
             count *= 2
+        if _playing(on[j]):
+            first = PLAY_LOAD_P if PLAY_LOAD >= 0 and on[j, PLAY_LOAD] else PLAY_P
+            rate = 2.0 * math.pi * P[j, first + 2] / math.sqrt(1.0 - P[j, first + 1])
+            while count < 4 and rate * h > 0.15 * count:
+                count *= 2
     return count
 
 

@@ -31,6 +31,7 @@ EFFECT = Effect(
     variable="direction",
     source="Nordin and Gutman 2002",
     amplitudes=(1,),
+    scatters=True,
     starts=starts,
     tries=3,
     excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side"),

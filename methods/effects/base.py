@@ -114,6 +114,7 @@ class Effect:
     neutral: for a more general form of an included law, the values of its further parameters with which both are the
         same.
     drives: whether the motor torque enters its law, which a function of its own shows by itself.
+    scatters: whether small causes grow in it, as in impacts, so that what noise leaves depends on the motion.
     remembers: whether it has a state that outlasts the motion of a few seconds, which a log does not show.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
         `kind` is the name they share, `after` the instance that has to be there first.
@@ -138,6 +139,7 @@ class Effect:
     resolved: Callable[[Sequence[float], Scales], bool] | None = None
     tries: int = 1
     drives: bool = False
+    scatters: bool = False
     remembers: bool = False
     excludes: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()

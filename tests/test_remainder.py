@@ -1,0 +1,94 @@
+"""What noise leaves of a joint in which small causes grow is no sign of a missing effect; a missing effect still is."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from diagnosis.estimation import Fitted, fit, predicted_motion
+from diagnosis.hypotheses import Hypothesis, extend
+from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.problem import Problem, stack
+from diagnosis.remainder import Remainder, remainder, scattering, torque_spectrum
+from diagnosis.whitening import unfiltered
+from envs.log import JointFacts, Log
+from methods.base import State
+from methods.effects import built_in
+from methods.kernel import build
+from methods.structured import StructuredJoint, StructuredModel
+
+EFFECTS = built_in()
+NAMED = {effect.name: effect for effect in EFFECTS}
+KERNEL = build(EFFECTS)
+JOINT = {"inertia": 0.07, "viscous": 0.02, "back_emf": 0.7, "electrical_time_constant": 0.004}
+PLAY = {"backlash": {"gap": 0.004, "inertia_ratio": 0.4, "frequency": 22.0, "damping_ratio": 0.05}}
+SPRING = {"joint_flexibility": {"inertia_ratio": 0.4, "frequency": 12.0, "damping_ratio": 0.05}}
+CABLE = {"cable_spring": {"stiffness": 0.5, "pull": 0.0}}
+COGGING = {"cogging_torque": {"sine": 0.1, "cosine": 0.0, "cycles_per_rev": 40.0}}
+STEP, NOISE = 1e-5, 0.005
+
+
+def problem_of(effects: dict[str, dict[str, float]]) -> Problem:
+    """A joint under sines and the slow noise of its amplifier (5 mV rms, 20 ms), which no log shows."""
+    rng = np.random.default_rng(3)
+    time, hertz = 1e-3 * np.arange(20_000), np.array([0.3, 0.7, 1.3, 2.9, 5.3])
+    command = np.sum(0.8 * np.sin(2 * np.pi * np.outer(time, hertz) + np.arange(5)), axis=1)[:, None]
+    decay = np.exp(-1e-3 / 0.02)
+    slow = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], rng.standard_normal(len(time)))
+    model = StructuredModel((StructuredJoint(1, "voltage", JOINT, effects),), 1e-3, None, EFFECTS)
+    position = model.simulate(time, command + NOISE * slow[:, None], State.at_rest(0.0)).position
+    facts = JointFacts(input="voltage", position_unit="rad", encoder_step=STEP)
+    return stack(KERNEL, [Log(time, command, STEP * np.round(position / STEP), (1,), facts=(facts,))], (1,))
+
+
+def fitted_with(problem: Problem, effects: dict[str, dict[str, float]]) -> Fitted:
+    """The nominal model with these effects, begun with their true parameters."""
+    point = fit_nominal(problem, (JointStructure(),)).point
+    for name, known in effects.items():
+        values = np.array([[known[p.name] for p in NAMED[name].parameters]])
+        point = extend(problem, point, Hypothesis(NAMED[name], 0), values)
+    bare = fit(problem, point, unfiltered(problem), rounds=1, iterations=20, renewed=False)
+    return fit(problem, bare.point, rounds=3, iterations=12)
+
+
+@pytest.fixture(scope="module")
+def play() -> tuple[Problem, Fitted, Remainder]:
+    problem = problem_of(PLAY)
+    fitted = fitted_with(problem, PLAY)
+    return problem, fitted, remainder(problem, fitted, 0)
+
+
+def test_what_noise_leaves_behind_impacts_is_noise(play: tuple[Problem, Fitted, Remainder]) -> None:
+    _, _, left = play
+    assert left.decrease > 3.0 * left.functions  # the innovations do depend on the motion
+    assert left.scattered > 1.5 * left.functions
+    assert left.excess == 0.0
+    assert not any(drift.is_certain for drift in left.drifts)
+
+
+def test_a_missing_effect_is_no_noise() -> None:
+    problem = problem_of(PLAY | CABLE)
+    left = remainder(problem, fitted_with(problem, PLAY), 0)
+    assert left.excess > 5.0 * left.scattered
+
+
+def test_a_missing_effect_explains_more_than_noise_lets_others_explain() -> None:
+    problem = problem_of(PLAY | COGGING)
+    without, complete = (fitted_with(problem, effects) for effects in (PLAY, PLAY | COGGING))
+    assert without.criterion - complete.criterion > 3.0 * remainder(problem, without, 0).scattered
+
+
+def test_only_joints_in_which_small_causes_grow_are_simulated_with_noise() -> None:
+    problem = problem_of(SPRING)
+    fitted = fitted_with(problem, SPRING)
+    assert len(scattering(problem, fitted, 0, predicted_motion(problem, fitted.point)[:, 0])) == 0
+    left = remainder(problem, fitted, 0)
+    assert left.scattered == 0.0
+    assert left.excess == 0.0
+
+
+def test_spectrum_of_the_unlogged_torque_has_its_rms() -> None:
+    problem = problem_of({})
+    fitted = fitted_with(problem, {})
+    frequency, power, band = torque_spectrum(problem, fitted, 0, predicted_motion(problem, fitted.point)[:, 0])
+    density = NOISE**2 * 2.0 * 0.02 / (1.0 + (2 * np.pi * frequency * 0.02) ** 2) / 1e-3  # per sample, as `power` is
+    assert np.sqrt(np.mean(power[band])) == pytest.approx(np.sqrt(np.mean(density[band])), rel=0.3)

@@ -32,6 +32,7 @@ CASES = (
     Case(12, "single", "servo", "input_delay"),
     Case(13, "single", "adept_j2", "cogging_torque"),
     Case(100, "single", "adept_j1", "joint_flexibility"),
+    Case(800, "single", "stage", "backlash"),
     Case(15, "single", "stage", "coulomb_friction"),
     Case(17, "single", "pendulum", "quadratic_drag"),
     Case(16, "single", "adept_j1", "encoder_eccentricity"),

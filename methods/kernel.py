@@ -530,7 +530,7 @@ def _finer(P, on, h):
         if _playing(on[j]):
             first = PLAY_LOAD_P if PLAY_LOAD >= 0 and on[j, PLAY_LOAD] else PLAY_P
             rate = 2.0 * math.pi * P[j, first + 2] / math.sqrt(1.0 - P[j, first + 1])
-            while count < 4 and rate * h > 0.15 * count:
+            while count < 4 and P[j, first + 1] > 0.0 and rate * h > 0.15 * count:
                 count *= 2
     return count
 

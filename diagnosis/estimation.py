@@ -84,7 +84,7 @@ def plain(problem: Problem, fitted: Fitted) -> Fitted:
     """
     filter_ = unfiltered(problem, fitted.whitener.mask)
     view = finish(problem, fitted.point, fitted.error, filter_, fitted.iterations)
-    scale = weights(view.innovation, problem.joints)
+    scale = view.weights
     scaled = view.innovation * scale
     left = scaled - project(view.jacobian, scaled)[0] @ view.jacobian
     again = weights(left / scale, problem.joints)
@@ -121,6 +121,11 @@ class Fitted:
     def variances(self) -> Array:
         """Mean square innovation per joint (n,)."""
         return np.mean(self.innovation.reshape(len(self.whitener.coefficients), -1) ** 2, axis=1)
+
+    @property
+    def weights(self) -> Array:
+        """One over the rms innovation of each sample's joint (N n,)."""
+        return weights(self.innovation, len(self.whitener.coefficients))
 
     @property
     def criterion(self) -> float:
@@ -353,8 +358,7 @@ def covariance(fitted: Fitted) -> Array:
     With scores s_k = j_k e_k (Jacobian times innovation) the sandwich is ``C (sum_l w_l sum_k s_k s_{k+l}') C``,
     Bartlett weights w over LAGS samples.
     """
-    n = len(fitted.whitener.coefficients)
-    scores = fitted.jacobian * (fitted.innovation * weights(fitted.innovation, n))
+    scores = fitted.jacobian * (fitted.innovation * fitted.weights)
     length = scores.shape[1]
     # Bartlett weights are a triangle, the autocorrelation of a box: running sums of LAGS scores give the same matrix
     running = np.cumsum(np.pad(scores, ((0, 0), (LAGS, 0))), axis=1)

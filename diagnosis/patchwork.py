@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, errors, predicted_motion, weights
+from diagnosis.estimation import Fitted, errors, predicted_motion
 from diagnosis.problem import Problem
 from diagnosis.projection import project
 from envs.log import Array
@@ -126,7 +126,7 @@ def is_polynomial(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect
     extra[1, :, j] = nearest - law
     extra[2:, :, j] = 1e-3 * size * powers.T
     outcome = errors(problem, [final.point] * len(extra), extra=extra)
-    scale = weights(final.innovation, problem.joints)
+    scale = final.weights
     filtered = final.whitener(outcome - outcome[0])[1:] * scale
     basis = np.vstack([final.jacobian[others], filtered[1:]])
     away, certainty = np.zeros(len(basis)), np.zeros(len(basis))

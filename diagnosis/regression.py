@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import next_fast_len
 
-from diagnosis.estimation import Fitted, Point, weights
+from diagnosis.estimation import Fitted, Point
 from diagnosis.problem import Problem
 from diagnosis.projection import project
 from diagnosis.whitening import Absorption, absorption
@@ -34,7 +34,7 @@ class View:
     @classmethod
     def of(cls, problem: Problem, fitted: Fitted) -> View:
         """The view of a fit, its errors being those of the fit."""
-        noise = weights(fitted.innovation, problem.joints)
+        noise = fitted.weights
         point = fitted.point
         certainty = np.array([f.deviation for f in point.free]) ** -2.0
         expected = np.array([f.centre for f in point.free]) - point.vector

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.estimation import Fitted, errors, predicted_motion, scatters, weights
+from diagnosis.estimation import Fitted, errors, predicted_motion, scatters
 from diagnosis.hypotheses import adjoint
 from diagnosis.problem import Problem, bandwidth
 from diagnosis.projection import project
@@ -149,7 +149,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     """Regression of the innovations on the responses to every function, together and group by group."""
     motion = predicted_motion(problem, fitted.point)[:, joint]
     groups = signals(problem, motion, joint)
-    noise = weights(fitted.innovation, problem.joints)
+    noise = fitted.weights
     residual = fitted.innovation * noise
     total, count = fitted.total, residual.size // problem.joints
     size = 1e-3 * float(np.std(problem.command[:, joint]))
@@ -189,7 +189,7 @@ def scattering(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> A
     if not scatters(problem, fitted.point, joint):
         return nothing
     generator, (frequency, power, band) = np.random.default_rng(0), torque_spectrum(problem, fitted, joint, motion)
-    count, noise = len(problem.time), weights(fitted.innovation, problem.joints)
+    count, noise = len(problem.time), fitted.weights
     size = np.sqrt(np.interp(np.fft.rfftfreq(count, problem.sample_time), frequency, np.where(band, power, 0.0)))
     extra = np.zeros((DRAWS, count, problem.joints))
     extra[:, :, joint] = np.fft.irfft(np.fft.rfft(generator.standard_normal((DRAWS, count))) * size, count)
@@ -236,7 +236,7 @@ def drifts(problem: Problem, fitted: Fitted, joint: int, scatter: Array) -> tupl
         if f.kind == "joint" and f.joint == joint and f.name.partition(".")[0] not in events
     ]
     basis, (total, count) = fitted.jacobian, (fitted.total, fitted.innovation.size // problem.joints)
-    noise = weights(fitted.innovation, problem.joints)
+    noise = fitted.weights
     residual = fitted.innovation * noise
     slow = np.tile(slow_functions(problem)[:, fitted.whitener.mask], (1, problem.joints))
     extra = np.zeros((2, len(problem.time), problem.joints))

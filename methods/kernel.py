@@ -368,6 +368,12 @@ def _playing(on):
 
 
 @njit(cache=True, inline='always', error_model='numpy')
+def _play_column(on):
+    """First parameter of the play, whichever side the encoder is on."""
+    return PLAY_LOAD_P if PLAY_LOAD >= 0 and on[PLAY_LOAD] else PLAY_P
+
+
+@njit(cache=True, inline='always', error_model='numpy')
 def _payload(t, p, on):
     """Inertia that has been picked up by time t."""
     added = 0.0
@@ -427,7 +433,7 @@ def _joined(t, q, dq, ql, dql, rhs, p, on):
         F = inertia * share * al
         return (rhs - F) / (inertia * (1.0 - share)), al, F
     if _playing(on):
-        first = PLAY_LOAD_P if PLAY_LOAD >= 0 and on[PLAY_LOAD] else PLAY_P
+        first = _play_column(on)
         d = q - ql
         half = 0.5 * p[first]
         al = 0.0
@@ -528,7 +534,7 @@ def _finer(P, on, h):
         while count < 4 and slope * h > 0.4 * count * P[j, INERTIA]:
             count *= 2
         if _playing(on[j]):
-            first = PLAY_LOAD_P if PLAY_LOAD >= 0 and on[j, PLAY_LOAD] else PLAY_P
+            first = _play_column(on[j])
             rate = 2.0 * math.pi * P[j, first + 2] / math.sqrt(1.0 - P[j, first + 1])
             while count < 4 and P[j, first + 1] > 0.0 and rate * h > 0.15 * count:
                 count *= 2

@@ -10,6 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from diagnosis.estimation import Fitted, covariance, errors, fit, plain
+from diagnosis.hopping import Optimum, distances, hopped
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled, without_limits
@@ -137,6 +138,7 @@ class Finding:
 
     band: upper frequency [Hz] of the comparison that chose the effects; None: the whole band.
     refused: what was tried last and not accepted, best first. patched: joints whose effects are pieces of another law.
+    optima: see `Path`.
     """
 
     verdict: Verdict
@@ -148,6 +150,18 @@ class Finding:
     band: float | None = None
     refused: tuple[Ranked, ...] = ()
     patched: Mapping[int, Patchwork] = field(default_factory=dict)
+    optima: tuple[Optimum, ...] = ()
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (P, P) of the final model's parameters, with what noise and other optima do in rough ground."""
+        growth = max(left.scattered / left.functions for left in self.remainders)
+        apart = distances(self.optima, self.final, growth)
+        least: dict[str, float] = {}
+        for deviations in (apart, *(left.deviations for left in self.remainders)):
+            for name, deviation in deviations.items():
+                least[name] = float(np.hypot(least.get(name, 0.0), deviation))
+        return covariance(self.final, least)
 
 
 def materiality(problem: Problem, fitted: Fitted, name: str, joint: int) -> float:
@@ -215,7 +229,8 @@ class Path:
     """A way through the search: the effects accepted so far, the model with them, and where it could have gone instead.
 
     forks: at every step the hypotheses that came much closer or explained nearly as much, with the path up to there,
-    best first. unsteady: the evidence for disturbances that were refused because not all logs have them.
+    best first. unsteady: the evidence for disturbances that were refused because not all logs have them. optima: where
+    fits of the last model stopped in rough ground (`diagnosis.hopping`).
     """
 
     base: Fitted
@@ -226,6 +241,7 @@ class Path:
     refused: tuple[Ranked, ...] = ()
     unsteady: float = 0.0
     forks: tuple[tuple[Path, Accepted], ...] = ()
+    optima: tuple[Optimum, ...] = ()
 
     @property
     def excess(self) -> float:
@@ -283,7 +299,9 @@ class Search:
     def advanced(self, path: Path, chosen: Accepted) -> Path:
         """The path with one more effect, in its simplest form, and without those that it makes superfluous."""
         problem, settings, accepted = self.problem, self.settings, list(path.accepted)
-        chosen = replace(chosen, scored=polish(problem, path.base, chosen.scored))
+        scored = polish(problem, path.base, chosen.scored)
+        fitted, optima = hopped(problem, scored.fitted)
+        chosen = replace(chosen, scored=scored.refitted(path.base, fitted))
         chosen = simplified(problem, path.base, chosen, self.effects, settings)
         accepted, chosen = merged(problem, accepted, chosen, settings)
         accepted.append(chosen)
@@ -295,7 +313,7 @@ class Search:
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
         accepted, base = merged_afterwards(problem, accepted, base, settings)
-        return replace(path, base=base, accepted=tuple(accepted), present=present, steps=steps, left=())
+        return replace(path, base=base, accepted=tuple(accepted), present=present, steps=steps, left=(), optima=optima)
 
     def incomplete(self, path: Path) -> bool:
         """Whether something is left that neither noise nor inexact laws account for."""
@@ -351,7 +369,9 @@ def select(
         path.unsteady > max(settings.threshold, settings.inexact * explained)
     ):
         said = "unknown"
-    return Finding(said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused, patched=pieces)
+    return Finding(
+        said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused, patched=pieces, optima=path.optima
+    )
 
 
 def also_without_limits(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -352,11 +353,11 @@ def rounding_floor(problem: Problem) -> Array:
     return np.full(problem.joints, 0.25 * problem.encoder_step**2 / 12.0)
 
 
-def covariance(fitted: Fitted) -> Array:
+def covariance(fitted: Fitted, least: Mapping[str, float] = MappingProxyType({})) -> Array:
     """Covariance (P, P) of the free parameters: inverse information, widened where the sandwich is wider.
 
     With scores s_k = j_k e_k (Jacobian times innovation) the sandwich is ``C (sum_l w_l sum_k s_k s_{k+l}') C``,
-    Bartlett weights w over LAGS samples.
+    Bartlett weights w over LAGS samples. least: standard deviations that parameters have at least, by their names.
     """
     scores = fitted.jacobian * (fitted.innovation * fitted.weights)
     length = scores.shape[1]
@@ -366,5 +367,6 @@ def covariance(fitted: Fitted) -> Array:
     meat = blocks @ blocks.T / LAGS
     sandwich = fitted.covariance @ meat @ fitted.covariance
     plain = np.diag(fitted.covariance)
-    wider = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(plain, 1e-300), 1.0))
+    known = np.array([least.get(f.name, 0.0) for f in fitted.point.free]) ** 2
+    wider = np.sqrt(np.maximum(np.maximum(np.diag(sandwich), known) / np.maximum(plain, 1e-300), 1.0))
     return fitted.covariance * np.outer(wider, wider)

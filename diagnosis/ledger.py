@@ -116,7 +116,7 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
     elsewhere = any(item.effect.scan == "event" or item.effect.remembers for item in finding.accepted)
     nominal = next(step for step in found if step.role == "nominal")
     width, failing = window_width(WINDOW, held_out.sample_time), {}
-    floors = cache(lambda: imitated_floor(held_out, finding.final, found[-1].point, WINDOW))
+    floors = cache(lambda: imitated_floor(held_out, finding.final, finding.covariance, found[-1].point, WINDOW))
     for j in range(problem.joints):
         blocks = [in_blocks(item.replay.windows[:, j], held_out.bounds, width) for item in (nominal, found[-1])]
         count = len(blocks[1])

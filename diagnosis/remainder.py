@@ -10,7 +10,8 @@ imitates another one, or a machine that changes, shows there first.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -28,7 +29,7 @@ SLOW = 3
 """Half waves over a log, and over the sequence of logs, of a parameter that drifts."""
 CHANCE = 1e-5
 """p-value from which a parameter counts as constant."""
-DRAWS = 5
+DRAWS = 10
 """Realisations of the noise that such a joint is simulated with."""
 SMALL = 0.0015
 """Effect of a drift beside that of the command, up to which it is put down to integrators and inexact laws."""
@@ -69,7 +70,8 @@ class Remainder:
 
     disturbance: rms of the torque that no logged signal accounts for, in units of the command; disturbance_share: the
     same over the rms of the motor torque. drifts: parameters in the order of their p-values. scattered: the decrease
-    that the groups bring where such a torque is all that the model lacks, if it is one in which small causes grow.
+    that the groups bring where such a torque is all that the model lacks, if it is one in which small causes grow;
+    deviations: rms of what it then makes of the free parameters, by their names.
     """
 
     dependences: tuple[Dependence, ...]
@@ -80,6 +82,7 @@ class Remainder:
     disturbance_share: float
     drifts: tuple[Drift, ...] = ()
     scattered: float = 0.0
+    deviations: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def excess(self) -> float:
@@ -176,6 +179,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         *disturbance(problem, fitted, joint, motion),
         drifts(problem, fitted, joint, scatter),
         scattered(fitted, every, scatter),
+        deviations(fitted, scatter),
     )
 
 
@@ -206,6 +210,18 @@ def scattered(fitted: Fitted, basis: Array, scatter: Array) -> float:
     taken = [project(basis, own)[1] - project(known, own)[1] for own in scatter]
     share = float(np.mean(taken)) / fitted.total if taken else 0.0
     return float(-(scatter.shape[1] // len(fitted.variances)) * np.log(max(1.0 - share, 1e-12)))
+
+
+def deviations(fitted: Fitted, scatter: Array) -> dict[str, float]:
+    """Rms of the changes, to first order, that errors made by noise alone (`scattering`) bring to the free parameters.
+
+    With J the sensitivities and C the covariance, errors d change the parameters by ``C J d``. Where small causes grow,
+    such errors follow the motion from one instant to the next, and parameters are less certain than C says.
+    """
+    if not len(scatter):
+        return {}
+    rms = np.sqrt(np.mean((scatter @ fitted.jacobian.T @ fitted.covariance) ** 2, axis=0))
+    return dict(zip((f.name for f in fitted.point.free), rms.tolist(), strict=True))
 
 
 def slow_functions(problem: Problem) -> Array:

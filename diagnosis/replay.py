@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter, savgol_filter
 
-from diagnosis.estimation import Fitted, Point, covariance, errors
+from diagnosis.estimation import Fitted, Point, errors
 from diagnosis.problem import Problem, bounded, smooth_derivatives
 from diagnosis.whitening import Whitener, on_logs
 from envs.log import Array
@@ -243,12 +243,15 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
     return float(np.sqrt(total / (width * len(begins))))
 
 
-def imitated_floor(problem: Problem, fitted: Fitted, point: Point, window: float, seconds: float = 30.0) -> Array:
+def imitated_floor(
+    problem: Problem, fitted: Fitted, spread: Array, point: Point, window: float, seconds: float = 30.0
+) -> Array:
     """Window errors (n,) that a fitted model would have on the beginning of a log of its own, by simulation.
 
     Where dry friction holds and lets go, or joints are coupled, noise does more than in `noise_floor`; and a model that
     short logs have left uncertain errs more than its noise. Each reading is the prediction from the readings before it
-    and an error drawn from the autoregression of the fit; the windows are those of models drawn from its covariance.
+    and an error drawn from the autoregression of the fit; the windows are those of models drawn from the covariance
+    of its parameters, `spread`.
     """
     cut, _ = stretch(problem, seconds)
     own = replace(point, parameters=point.parameters[:1], starts=point.starts[:1])
@@ -256,13 +259,13 @@ def imitated_floor(problem: Problem, fitted: Fitted, point: Point, window: float
     for seed in range(DRAWS):
         rng = np.random.default_rng(seed)
         artificial = imitated(cut, fitted, own, rng)
-        squares.append(np.nanmean(replay(artificial, drawn(fitted, own, rng), window).windows ** 2, axis=0))
+        squares.append(np.nanmean(replay(artificial, drawn(fitted, spread, own, rng), window).windows ** 2, axis=0))
     return np.asarray(np.sqrt(np.mean(squares, axis=0)))
 
 
-def drawn(fitted: Fitted, point: Point, rng: np.random.Generator) -> Point:
-    """A point with its parameters moved as uncertainly as the fit knows them."""
-    spread, free = covariance(fitted), fitted.point.free
+def drawn(fitted: Fitted, spread: Array, point: Point, rng: np.random.Generator) -> Point:
+    """A point with its parameters moved as uncertainly as the fit knows them, with covariance `spread`."""
+    free = fitted.point.free
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
     values, axes = np.linalg.eigh(spread / np.outer(scale, scale))
     change = scale * (axes @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(scale))))

@@ -369,7 +369,7 @@ def joint_result(
 ) -> tuple[JointResult, Gap, list[LedgerRow]]:
     """Everything about joint index j of a solved problem."""
     finding, joint, units = solved.finding, solved.joints[j], solved.units[j]
-    spread = covariance(finding.final)
+    spread = finding.covariance
     floor = floor_of(solved.problem, finding, j)
     ledger = rows(solved.held_out, list(solved.ledger), j, joint, floor, rng)
     own_gap = gap(solved.held_out, list(solved.ledger), j, joint, units.position, floor, on, rng)

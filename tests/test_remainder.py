@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diagnosis.estimation import Fitted, fit, predicted_motion
+from diagnosis.estimation import Fitted, covariance, fit, predicted_motion
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, stack
@@ -63,6 +63,16 @@ def test_what_noise_leaves_behind_impacts_is_noise(play: tuple[Problem, Fitted, 
     assert left.scattered > 1.5 * left.functions
     assert left.excess == 0.0
     assert not any(drift.is_certain for drift in left.drifts)
+
+
+def test_parameters_behind_impacts_are_less_certain_than_noise_alone_would_leave_them(
+    play: tuple[Problem, Fitted, Remainder],
+) -> None:
+    _, fitted, left = play
+    place = [f.name for f in fitted.point.free].index("backlash.frequency@0")
+    told = np.sqrt(covariance(fitted, left.deviations)[place, place])
+    assert told > 1.5 * np.sqrt(covariance(fitted)[place, place])
+    assert told == pytest.approx(left.deviations["backlash.frequency@0"])
 
 
 def test_a_missing_effect_is_no_noise() -> None:

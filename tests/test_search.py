@@ -525,10 +525,9 @@ def test_the_floor_by_imitation_is_that_of_the_noise_and_of_what_short_logs_leav
     fitted = fit_nominal(long, (JointStructure(),))
     linear = noise_floor(long, fitted, 0, 1.0, float(np.sqrt(fitted.variances[0])), coloured=True)
     point = transfer(held_out, fitted.point)
-    certain = imitated_floor(held_out, fitted, point, 1.0)[0]
+    certain = imitated_floor(held_out, fitted, fitted.covariance, point, 1.0)[0]
     assert certain == pytest.approx(linear, rel=0.3)
-    uncertain = replace(fitted, covariance=1e4 * fitted.covariance)
-    assert imitated_floor(held_out, uncertain, point, 1.0)[0] > 2.0 * certain
+    assert imitated_floor(held_out, fitted, 1e4 * fitted.covariance, point, 1.0)[0] > 2.0 * certain
 
 
 def test_an_effect_at_the_end_of_its_range_stands_in_for_another_one() -> None:

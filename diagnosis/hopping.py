@@ -1,0 +1,72 @@
+"""Basin hopping: where small causes grow, a fit is begun again from places nearby, in search of a better optimum.
+
+Behind impacts the errors depend on the parameters as irregularly as on noise. A fit stops at one of many optima, within
+some percent of the best one, and each alone looks far more certain than they are together.
+
+D. J. Wales and J. P. K. Doye, Global optimization by basin-hopping, Journal of Physical Chemistry A 101 (1997).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.estimation import Fitted, fit, scatters
+from diagnosis.problem import Problem
+
+WIDTHS = (0.001, 0.1)
+"""Least and largest rms of a hop, as a share of each parameter; drawn anew for every hop, their logarithm uniformly."""
+PATIENCE = 6
+"""Hops without gain after which the best optimum counts as found."""
+HOPS = 24
+"""Most hops."""
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Where a fit stopped: its criterion, and the values of its free parameters by their names."""
+
+    criterion: float
+    values: Mapping[str, float]
+
+    @classmethod
+    def of(cls, fitted: Fitted) -> Optimum:
+        """That of a fit."""
+        names = (f.name for f in fitted.point.free)
+        return cls(fitted.criterion, dict(zip(names, fitted.point.vector.tolist(), strict=True)))
+
+
+def hopped(problem: Problem, fitted: Fitted) -> tuple[Fitted, tuple[Optimum, ...]]:
+    """The best of many optima near a fit, and all of them.
+
+    A model in which causes do not grow stays as it is, and no others are sought.
+    """
+    if not any(scatters(problem, fitted.point, j) for j in range(problem.joints)):
+        return fitted, ()
+    generator, free = np.random.default_rng(0), fitted.point.free
+    lower, upper = (np.array([getattr(f, name) for f in free]) for name in ("lower", "upper"))
+    lasting = np.array([f.log < 0 for f in free])  # not what is of one log: its initial state
+    best, found, since = fitted, [Optimum.of(fitted)], 0
+    while since < PATIENCE and len(found) <= HOPS:
+        width = np.exp(generator.uniform(*np.log(WIDTHS)))
+        moved = best.point.vector * (1.0 + width * lasting * generator.standard_normal(len(free)))
+        other = fit(problem, best.point.at(np.clip(moved, lower, upper)), best.whitener, rounds=1)
+        since = 0 if other.criterion < best.criterion else since + 1
+        best = min(best, other, key=lambda option: option.criterion)
+        found.append(Optimum.of(other))
+    return best, tuple(found)
+
+
+def distances(optima: Sequence[Optimum], fitted: Fitted, growth: float) -> dict[str, float]:
+    """Rms distance of each free parameter between a fit and the optima that are as likely, by its name.
+
+    As likely are those whose criterion is higher by no more than the squares of two deviations of each parameter, times
+    the growth of what noise does.
+    """
+    allowed = fitted.criterion + 4.0 * len(fitted.point.free) * max(growth, 1.0)
+    likely = [optimum.values for optimum in optima if optimum.criterion <= allowed]
+    own = zip((f.name for f in fitted.point.free), fitted.point.vector.tolist(), strict=True)
+    away = {name: [values[name] - x for values in likely if name in values] for name, x in own}
+    return {name: float(np.sqrt(np.mean(np.square(each)))) for name, each in away.items() if each}

@@ -1,0 +1,43 @@
+"""Where small causes grow, a fit is begun again from places nearby, and parameters are as uncertain as good optima are
+apart."""
+
+import numpy as np
+import pytest
+from test_remainder import PLAY, SPRING, fitted_with, problem_of
+
+from diagnosis.hopping import Optimum, distances, hopped
+
+
+def test_a_fit_behind_impacts_finds_a_better_optimum_nearby() -> None:
+    begun = {"backlash": {name: 1.1 * value for name, value in PLAY["backlash"].items()}}
+    problem = problem_of(PLAY)
+    fitted = fitted_with(problem, begun)
+    best, optima = hopped(problem, fitted)
+    assert fitted.criterion - best.criterion > 1000.0
+    assert best.criterion == min(optimum.criterion for optimum in optima)
+    assert optima[0] == Optimum.of(fitted)
+    gap = optima[0].values["backlash.gap@0"], Optimum.of(best).values["backlash.gap@0"]
+    assert abs(gap[1] - 0.004) < 0.5 * abs(gap[0] - 0.004)
+
+
+def test_a_fit_without_impacts_stays_where_it_is() -> None:
+    problem = problem_of(SPRING)
+    fitted = fitted_with(problem, SPRING)
+    best, optima = hopped(problem, fitted)
+    assert best is fitted
+    assert optima == ()
+    assert distances(optima, fitted, 1.0) == {}
+
+
+def test_only_optima_that_are_as_likely_count() -> None:
+    fitted = fitted_with(problem_of(SPRING), SPRING)
+    here = Optimum.of(fitted)
+    size = 4.0 * len(here.values)
+
+    def moved(worse: float, away: float) -> Optimum:
+        return Optimum(here.criterion + worse, {name: value + away for name, value in here.values.items()})
+
+    optima = (here, moved(0.9 * size, 3e-3), moved(1.1 * size, 0.1))
+    assert set(distances(optima, fitted, 0.0)) == set(here.values)
+    assert list(distances(optima, fitted, 1.0).values()) == pytest.approx(np.full(len(here.values), 3e-3 / np.sqrt(2)))
+    assert min(distances(optima, fitted, 2.0).values()) > 0.05

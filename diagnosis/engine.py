@@ -24,6 +24,7 @@ from diagnosis.search import (
     Ranked,
     Scored,
     hypotheses_of,
+    in_turns,
     is_resolved,
     polish,
     ranking,
@@ -300,7 +301,7 @@ class Search:
         """The path with one more effect, in its simplest form, and without those that it makes superfluous."""
         problem, settings, accepted = self.problem, self.settings, list(path.accepted)
         scored = polish(problem, path.base, chosen.scored)
-        fitted, optima = hopped(problem, scored.fitted)
+        fitted, optima = hopped(problem, in_turns(problem, scored.fitted))
         chosen = replace(chosen, scored=scored.refitted(path.base, fitted))
         chosen = simplified(problem, path.base, chosen, self.effects, settings)
         accepted, chosen = merged(problem, accepted, chosen, settings)

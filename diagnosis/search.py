@@ -42,6 +42,8 @@ RETRIED = 3
 """Laws that are fitted once more, to the errors as they are."""
 COLOURED = 5.0
 """Rms of the errors over that of their innovations from which that is done."""
+TURNS = 4
+"""Most turns between the errors as they are and their innovations."""
 NEAR = 0.9
 """Share of the best decrease above which a hypothesis counts as its near equal."""
 
@@ -312,6 +314,35 @@ def unstuck(problem: Problem, base: Fitted, scored: Scored) -> Scored:
     return scored.refitted(base, free_of_filter(problem, scored.fitted.point))
 
 
+def off_limits(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
+    """A fit that ended with parameters of the effect at their upper limits, begun again from half of them.
+
+    There it stops because it can go no further, not at an optimum: with nearly all of the inertia behind a spring, it
+    hardly matters how much.
+    """
+    vector, point = fitted.point.vector.copy(), fitted.point
+    prefix = f"{hypothesis.effect.name}."
+    for i, f in enumerate(point.free):
+        if f.joint == hypothesis.joint and f.name.startswith(prefix) and vector[i] >= f.upper:
+            vector[i] *= 0.5
+    if np.array_equal(vector, point.vector):
+        return fitted
+    return min(fitted, free_of_filter(problem, point.at(vector)), key=lambda option: option.criterion)
+
+
+def in_turns(problem: Problem, fitted: Fitted) -> Fitted:
+    """A fit carried on with the errors as they are and their innovations in turns, as long as that finds better.
+
+    The two have the same best optimum but not the same others, and where one stops the other may go on.
+    """
+    for _ in range(TURNS):
+        other = free_of_filter(problem, fitted.point)
+        if not fitted.criterion - other.criterion > 1.0:
+            break
+        fitted = other
+    return fitted
+
+
 def free_of_filter(problem: Problem, point: Point) -> Fitted:
     """Fit to the errors as they are, and from there to their innovations."""
     bare = fit(problem, point, unfiltered(problem), rounds=1, iterations=10, renewed=False)
@@ -459,6 +490,7 @@ def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12)
     fitted = fit(problem, fitted.point, rounds=2, iterations=iterations)
     if any(scatters(problem, fitted.point, j) for j in range(problem.joints)):
         fitted = min(fitted, free_of_filter(problem, fitted.point), key=lambda option: option.criterion)
+    fitted = off_limits(problem, fitted, hypothesis)
     if fitted.criterion > scored.fitted.criterion:
         return scored
     return scored.refitted(base, fitted)

@@ -29,7 +29,18 @@ from diagnosis.problem import Problem, stack
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import remainder
 from diagnosis.replay import imitated_floor, noise_floor, transfer
-from diagnosis.search import Scored, containing, exchanged, generalised, price, retimed, try_all
+from diagnosis.search import (
+    TURNS,
+    Scored,
+    containing,
+    exchanged,
+    generalised,
+    in_turns,
+    off_limits,
+    price,
+    retimed,
+    try_all,
+)
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array, JointFacts, Log
 from methods.base import State
@@ -615,3 +626,36 @@ def test_a_form_that_contains_another_cannot_do_worse(
     found = containing(None, SimpleNamespace(criterion=3.0), ["best", "same"])  # type: ignore[arg-type, list-item]
     assert found.criterion == min(plain_fit, 2.0)
     assert freed == (["same"] if asked else [])
+
+
+def test_a_fit_goes_on_in_turns_as_long_as_that_finds_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    costs = [9.0, 7.0, 6.8]
+    begun = []
+
+    def free(problem, point):
+        begun.append(point)
+        return SimpleNamespace(point=len(begun), criterion=costs[len(begun) - 1])
+
+    monkeypatch.setattr("diagnosis.search.free_of_filter", free)
+    found = in_turns(None, SimpleNamespace(point=0, criterion=12.0))  # type: ignore[arg-type]
+    assert found.criterion == 7.0
+    assert begun == [0, 1, 2]
+    costs[:] = [10.0 - 2.0 * turn for turn in range(2 * TURNS)]
+    begun.clear()
+    in_turns(None, SimpleNamespace(point=0, criterion=12.0))  # type: ignore[arg-type]
+    assert len(begun) == TURNS
+
+
+def test_a_fit_that_ends_at_a_limit_begins_again_inside() -> None:
+    """With nearly all of the inertia behind a spring, motions far below its resonance hardly show how much it is."""
+    spring = {"joint_flexibility": {"inertia_ratio": 0.4, "frequency": 28.0, "damping_ratio": 0.02}}
+    problem = stack(KERNEL, [record(spring)], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    hypothesis = Hypothesis(next(effect for effect in EFFECTS if effect.name == "joint_flexibility"), 0)
+    stiff = extend(problem, nominal.point, hypothesis, np.array([[0.98, 44.0, 0.04]]))
+    fitted = fit(problem, stiff)
+    again = off_limits(problem, fitted, hypothesis)
+    assert fitted.point.value("joint_flexibility.inertia_ratio@0") == 0.98
+    assert again.point.value("joint_flexibility.inertia_ratio@0") < 0.9
+    assert again.criterion < fitted.criterion
+    assert off_limits(problem, again, hypothesis) is again

@@ -156,8 +156,7 @@ class Finding:
     @property
     def covariance(self) -> Array:
         """Covariance (P, P) of the final model's parameters, with what noise and other optima do in rough ground."""
-        growth = max(left.scattered / left.functions for left in self.remainders)
-        apart = distances(self.optima, self.final, growth)
+        apart = distances(self.optima, self.final, max(left.growth for left in self.remainders))
         least: dict[str, float] = {}
         for deviations in (apart, *(left.deviations for left in self.remainders)):
             for name, deviation in deviations.items():

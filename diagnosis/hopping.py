@@ -65,7 +65,7 @@ def distances(optima: Sequence[Optimum], fitted: Fitted, growth: float) -> dict[
     As likely are those whose criterion is higher by no more than the squares of two deviations of each parameter, times
     the growth of what noise does.
     """
-    allowed = fitted.criterion + 4.0 * len(fitted.point.free) * max(growth, 1.0)
+    allowed = fitted.criterion + 4.0 * len(fitted.point.free) * growth
     likely = [optimum.values for optimum in optima if optimum.criterion <= allowed]
     own = zip((f.name for f in fitted.point.free), fitted.point.vector.tolist(), strict=True)
     away = {name: [values[name] - x for values in likely if name in values] for name, x in own}

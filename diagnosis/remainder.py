@@ -85,6 +85,11 @@ class Remainder:
     deviations: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def growth(self) -> float:
+        """How much more noise lets the functions explain than it would where small causes stay small; at least 1."""
+        return max(1.0, self.scattered / self.functions)
+
+    @property
     def excess(self) -> float:
         """Decrease beyond what noise alone would give.
 
@@ -92,7 +97,7 @@ class Remainder:
         causes grow.
         """
         chance = 1.3 * self.functions + 4.0 * np.sqrt(2.0 * self.functions)
-        return max(0.0, self.decrease - chance * max(1.0, self.scattered / self.functions))
+        return max(0.0, self.decrease - chance * self.growth)
 
 
 def signals(problem: Problem, motion: Array, joint: int) -> dict[str, list[Array]]:

@@ -181,7 +181,7 @@ def diagnose(
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
-            findings += [said for said in (timing_said(solved, j), scale_said(result)) if said]
+            findings += [said for said in (timing_said(solved, j), scale_said(result), growth_said(solved, j)) if said]
         if solved.rest:
             findings.append(f"joint {group[0]}: {solved.rest}")
         findings += [failure_said(group[j], failure) for j, failure in solved.failing.items()]
@@ -247,6 +247,16 @@ def scale_said(result: JointResult) -> str:
     )
 
 
+def growth_said(solved: Solved, j: int) -> str:
+    """That no model can follow the motion of joint index j, where small causes grow in it; nothing otherwise."""
+    if solved.finding.remainders[j].growth < GROWN:
+        return ""
+    return (
+        f"joint {solved.joints[j]}: from one blow of its play to the next small causes grow, so that noise which "
+        "nobody logged decides where it goes: no model follows these logs exactly, and errors of free simulation stay"
+    )
+
+
 REST_OF_THE_ARM = (
     "what the motion of the other joints does to it is taken from the description and the measured motion; the "
     "extended model and its MJCF hold the joint without it"
@@ -263,6 +273,8 @@ def failure_said(joint: int, failure: Failure) -> str:
 
 NOTICED = 0.02
 """Share of a sample by which a command has to act earlier or later than logged to be told."""
+GROWN = 3.0
+"""Growth of what noise does (`diagnosis.remainder.Remainder.growth`) from which it is told."""
 
 
 def compared(

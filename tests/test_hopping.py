@@ -38,6 +38,5 @@ def test_only_optima_that_are_as_likely_count() -> None:
         return Optimum(here.criterion + worse, {name: value + away for name, value in here.values.items()})
 
     optima = (here, moved(0.9 * size, 3e-3), moved(1.1 * size, 0.1))
-    assert set(distances(optima, fitted, 0.0)) == set(here.values)
     assert list(distances(optima, fitted, 1.0).values()) == pytest.approx(np.full(len(here.values), 3e-3 / np.sqrt(2)))
     assert min(distances(optima, fitted, 2.0).values()) > 0.05

@@ -1,5 +1,8 @@
 """What noise leaves of a joint in which small causes grow is no sign of a missing effect; a missing effect still is."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -9,6 +12,7 @@ from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, stack
 from diagnosis.remainder import Remainder, remainder, scattering, torque_spectrum
+from diagnosis.run import growth_said
 from diagnosis.whitening import unfiltered
 from envs.log import JointFacts, Log
 from methods.base import State
@@ -73,6 +77,17 @@ def test_parameters_behind_impacts_are_less_certain_than_noise_alone_would_leave
     told = np.sqrt(covariance(fitted, left.deviations)[place, place])
     assert told > 1.5 * np.sqrt(covariance(fitted)[place, place])
     assert told == pytest.approx(left.deviations["backlash.frequency@0"])
+
+
+def test_that_no_model_can_follow_is_said(play: tuple[Problem, Fitted, Remainder]) -> None:
+    _, _, left = play
+
+    def said(scattered: float) -> str:
+        finding = SimpleNamespace(remainders=[replace(left, scattered=scattered)])
+        return growth_said(SimpleNamespace(joints=[2], finding=finding), 0)  # type: ignore[arg-type]
+
+    assert said(left.scattered).startswith("joint 2: from one blow of its play to the next small causes grow")
+    assert said(0.0) == ""
 
 
 def test_a_missing_effect_is_no_noise() -> None:

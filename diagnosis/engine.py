@@ -156,7 +156,7 @@ class Finding:
     @property
     def covariance(self) -> Array:
         """Covariance (P, P) of the final model's parameters, with what noise and other optima do in rough ground."""
-        apart = distances(self.optima, self.final, max(left.growth for left in self.remainders))
+        apart = distances(self.optima, max(left.growth for left in self.remainders))
         least: dict[str, float] = {}
         for deviations in (apart, *(left.deviations for left in self.remainders)):
             for name, deviation in deviations.items():
@@ -300,7 +300,9 @@ class Search:
         """The path with one more effect, in its simplest form, and without those that it makes superfluous."""
         problem, settings, accepted = self.problem, self.settings, list(path.accepted)
         scored = polish(problem, path.base, chosen.scored)
-        fitted, optima = hopped(problem, in_turns(problem, scored.fitted))
+        fitted, optima = in_turns(problem, scored.fitted), path.optima
+        if chosen.effect.scatters:  # an effect found beside it changes little of where the optimum is
+            fitted, optima = hopped(problem, fitted)
         chosen = replace(chosen, scored=scored.refitted(path.base, fitted))
         chosen = simplified(problem, path.base, chosen, self.effects, settings)
         accepted, chosen = merged(problem, accepted, chosen, settings)

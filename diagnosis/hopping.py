@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, fit, scatters
+from diagnosis.estimation import Fitted, fit
 from diagnosis.problem import Problem
 
 WIDTHS = (0.001, 0.1)
@@ -39,12 +39,7 @@ class Optimum:
 
 
 def hopped(problem: Problem, fitted: Fitted) -> tuple[Fitted, tuple[Optimum, ...]]:
-    """The best of many optima near a fit, and all of them.
-
-    A model in which causes do not grow stays as it is, and no others are sought.
-    """
-    if not any(scatters(problem, fitted.point, j) for j in range(problem.joints)):
-        return fitted, ()
+    """The best of many optima near a fit, and all of them."""
     generator, free = np.random.default_rng(0), fitted.point.free
     lower, upper = (np.array([getattr(f, name) for f in free]) for name in ("lower", "upper"))
     lasting = np.array([f.log < 0 for f in free])  # not what is of one log: its initial state
@@ -59,14 +54,18 @@ def hopped(problem: Problem, fitted: Fitted) -> tuple[Fitted, tuple[Optimum, ...
     return best, tuple(found)
 
 
-def distances(optima: Sequence[Optimum], fitted: Fitted, growth: float) -> dict[str, float]:
-    """Rms distance of each free parameter between a fit and the optima that are as likely, by its name.
+def distances(optima: Sequence[Optimum], growth: float) -> dict[str, float]:
+    """Rms distance of each free parameter, by its name, between the best optimum and those that are as likely.
 
     As likely are those whose criterion is higher by no more than the squares of two deviations of each parameter, times
     the growth of what noise does.
     """
-    allowed = fitted.criterion + 4.0 * len(fitted.point.free) * growth
+    if not optima:
+        return {}
+    best = min(optima, key=lambda optimum: optimum.criterion)
+    allowed = best.criterion + 4.0 * len(best.values) * growth
     likely = [optimum.values for optimum in optima if optimum.criterion <= allowed]
-    own = zip((f.name for f in fitted.point.free), fitted.point.vector.tolist(), strict=True)
-    away = {name: [values[name] - x for values in likely if name in values] for name, x in own}
-    return {name: float(np.sqrt(np.mean(np.square(each)))) for name, each in away.items() if each}
+    return {
+        name: float(np.sqrt(np.mean([(values[name] - value) ** 2 for values in likely])))
+        for name, value in best.values.items()
+    }

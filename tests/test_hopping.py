@@ -3,7 +3,7 @@ apart."""
 
 import numpy as np
 import pytest
-from test_remainder import PLAY, SPRING, fitted_with, problem_of
+from test_remainder import PLAY, fitted_with, problem_of
 
 from diagnosis.hopping import Optimum, distances, hopped
 
@@ -20,23 +20,13 @@ def test_a_fit_behind_impacts_finds_a_better_optimum_nearby() -> None:
     assert abs(gap[1] - 0.004) < 0.5 * abs(gap[0] - 0.004)
 
 
-def test_a_fit_without_impacts_stays_where_it_is() -> None:
-    problem = problem_of(SPRING)
-    fitted = fitted_with(problem, SPRING)
-    best, optima = hopped(problem, fitted)
-    assert best is fitted
-    assert optima == ()
-    assert distances(optima, fitted, 1.0) == {}
-
-
 def test_only_optima_that_are_as_likely_count() -> None:
-    fitted = fitted_with(problem_of(SPRING), SPRING)
-    here = Optimum.of(fitted)
-    size = 4.0 * len(here.values)
+    here = Optimum(-1000.0, {"inertia@0": 0.1, "backlash.gap@0": 0.004})
 
     def moved(worse: float, away: float) -> Optimum:
         return Optimum(here.criterion + worse, {name: value + away for name, value in here.values.items()})
 
-    optima = (here, moved(0.9 * size, 3e-3), moved(1.1 * size, 0.1))
-    assert list(distances(optima, fitted, 1.0).values()) == pytest.approx(np.full(len(here.values), 3e-3 / np.sqrt(2)))
-    assert min(distances(optima, fitted, 2.0).values()) > 0.05
+    optima = (moved(7.0, 3e-3), here, moved(9.0, 0.1))
+    assert distances(optima, 1.0) == pytest.approx(dict.fromkeys(here.values, 3e-3 / np.sqrt(2.0)))
+    assert distances(optima, 2.0) == pytest.approx(dict.fromkeys(here.values, np.sqrt((9e-6 + 0.01) / 3.0)))
+    assert distances((), 2.0) == {}

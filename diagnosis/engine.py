@@ -230,7 +230,7 @@ class Path:
 
     forks: at every step the hypotheses that came much closer or explained nearly as much, with the path up to there,
     best first. unsteady: the evidence for disturbances that were refused because not all logs have them. optima: where
-    fits of the last model stopped in rough ground (`diagnosis.hopping`).
+    fits stopped in rough ground when a play was found (`diagnosis.hopping`).
     """
 
     base: Fitted

@@ -51,6 +51,10 @@ class Point:
                 parameters[:, f.joint, f.column] = value
         return replace(self, parameters=parameters, rigid=rigid, starts=starts)
 
+    def within(self, vector: Array) -> Point:
+        """The same with each value at its bound where it lies beyond."""
+        return self.at(np.clip(vector, [f.lower for f in self.free], [f.upper for f in self.free]))
+
     def value(self, name: str) -> float:
         return self.vector[[f.name for f in self.free].index(name)]
 

@@ -40,14 +40,13 @@ class Optimum:
 
 def hopped(problem: Problem, fitted: Fitted) -> tuple[Fitted, tuple[Optimum, ...]]:
     """The best of many optima near a fit, and all of them."""
-    generator, free = np.random.default_rng(0), fitted.point.free
-    lower, upper = (np.array([getattr(f, name) for f in free]) for name in ("lower", "upper"))
-    lasting = np.array([f.log < 0 for f in free])  # not what is of one log: its initial state
+    generator = np.random.default_rng(0)
+    lasting = np.array([f.log < 0 for f in fitted.point.free])  # not what is of one log: its initial state
     best, found, since = fitted, [Optimum.of(fitted)], 0
     while since < PATIENCE and len(found) <= HOPS:
         width = np.exp(generator.uniform(*np.log(WIDTHS)))
-        moved = best.point.vector * (1.0 + width * lasting * generator.standard_normal(len(free)))
-        other = fit(problem, best.point.at(np.clip(moved, lower, upper)), best.whitener, rounds=1)
+        moved = best.point.vector * (1.0 + width * lasting * generator.standard_normal(len(lasting)))
+        other = fit(problem, best.point.within(moved), best.whitener, rounds=1)
         since = 0 if other.criterion < best.criterion else since + 1
         best = min(best, other, key=lambda option: option.criterion)
         found.append(Optimum.of(other))

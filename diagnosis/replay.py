@@ -265,12 +265,10 @@ def imitated_floor(
 
 def drawn(fitted: Fitted, spread: Array, point: Point, rng: np.random.Generator) -> Point:
     """A point with its parameters moved as uncertainly as the fit knows them, with covariance `spread`."""
-    free = fitted.point.free
     scale = np.sqrt(np.maximum(np.diag(spread), 1e-300))
     values, axes = np.linalg.eigh(spread / np.outer(scale, scale))
     change = scale * (axes @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(scale))))
-    lower, upper = (np.array([getattr(f, name) for f in free]) for name in ("lower", "upper"))
-    moved = fitted.point.at(np.clip(fitted.point.vector + change, lower, upper))
+    moved = fitted.point.within(fitted.point.vector + change)
     return replace(
         point,
         parameters=point.parameters + (moved.parameters - fitted.point.parameters)[:1],

@@ -211,7 +211,8 @@ def roughly(problem: Problem, view: Fitted, start: Start, known: Array, *, renew
     """
     points = [extend(problem, view.point, start.hypothesis, values) for values in (start.values, *start.others)]
     if start.shift is not None:
-        moved = extend(problem, shifted(view.point, start.shift), start.hypothesis, start.values)
+        moved = view.point.within(view.point.vector + start.shift)
+        moved = extend(problem, moved, start.hypothesis, start.values)
         outcomes = errors(problem, [moved, points[0]])
         filters = [whitener(problem, e) if renewed else view.whitener for e in outcomes]
         beside, at = (np.sum(own(e) ** 2) for own, e in zip(filters, outcomes, strict=True))
@@ -229,12 +230,6 @@ def roughly(problem: Problem, view: Fitted, start: Start, known: Array, *, renew
         )
         for p in points
     ]
-
-
-def shifted(point: Point, shift: Array) -> Point:
-    """The model with its free parameters moved, within their bounds."""
-    lower, upper = (np.array([getattr(f, name) for f in point.free]) for name in ("lower", "upper"))
-    return point.at(np.clip(point.vector + shift, lower, upper))
 
 
 def further(problem: Problem, view: Fitted, starts: Sequence[Start], known: Array) -> list[tuple[Start, Fitted]]:
@@ -447,7 +442,7 @@ def generalised(problem: Problem, view: View, effect: Effect, joint: int, size: 
     _, change, left = view.least(own_rows, rests[best])
     after = point.vector.copy()
     after[first:] += change
-    reached = point.at(np.clip(after, [f.lower for f in point.free], [f.upper for f in point.free]))
+    reached = point.within(after)
     visible = resolved(effect, reached.parameters[0, joint, problem.kernel.own(effect)], size)
     promise = view.promise(problem, left) - kept if visible else -np.inf
     same = points[-1:] if has_same and best != len(points) - 1 else []

@@ -45,7 +45,7 @@ def problem_of(effects: dict[str, dict[str, float]]) -> Problem:
 
 
 def fitted_with(problem: Problem, effects: dict[str, dict[str, float]]) -> Fitted:
-    """The nominal model with these effects, begun with their true parameters."""
+    """The nominal model with these effects, begun with these parameters."""
     point = fit_nominal(problem, (JointStructure(),)).point
     for name, known in effects.items():
         values = np.array([[known[p.name] for p in NAMED[name].parameters]])

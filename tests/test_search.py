@@ -651,7 +651,7 @@ def test_a_fit_that_ends_at_a_limit_begins_again_inside() -> None:
     spring = {"joint_flexibility": {"inertia_ratio": 0.4, "frequency": 28.0, "damping_ratio": 0.02}}
     problem = stack(KERNEL, [record(spring)], (1,))
     nominal = fit_nominal(problem, (JointStructure(),))
-    hypothesis = Hypothesis(next(effect for effect in EFFECTS if effect.name == "joint_flexibility"), 0)
+    hypothesis = Hypothesis(NAMED["joint_flexibility"], 0)
     stiff = extend(problem, nominal.point, hypothesis, np.array([[0.98, 44.0, 0.04]]))
     fitted = fit(problem, stiff)
     again = off_limits(problem, fitted, hypothesis)

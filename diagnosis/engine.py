@@ -154,9 +154,15 @@ class Finding:
     optima: tuple[Optimum, ...] = ()
 
     @property
+    def scattered(self) -> float:
+        """What noise alone would let a further effect explain, where small causes grow in the final model."""
+        return lucky(self.remainders)
+
+    @property
     def covariance(self) -> Array:
         """Covariance (P, P) of the final model's parameters, with what noise and other optima do in rough ground."""
-        apart = distances(self.optima, max(left.growth for left in self.remainders))
+        rough = any(item.effect.scatters for item in self.accepted)
+        apart = distances(self.optima if rough else (), max(left.growth for left in self.remainders))
         least: dict[str, float] = {}
         for deviations in (apart, *(left.deviations for left in self.remainders)):
             for name, deviation in deviations.items():
@@ -251,7 +257,7 @@ class Path:
     @property
     def scattered(self) -> float:
         """What noise alone would let an effect explain, where small causes grow in the model."""
-        return LUCKY * sum(r.scattered for r in self.left)
+        return lucky(self.left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -800,6 +806,11 @@ def with_jitter(problem: Problem, finding: Finding, effects: Sequence[Effect], s
 def allowance(nominal: Fitted, base: Fitted) -> float:
     """Excess of the remainder that is put down to inexact laws and integrators rather than to something missing."""
     return max(20.0, 0.005 * (nominal.criterion - base.criterion))
+
+
+def lucky(left: Sequence[Remainder]) -> float:
+    """What noise alone would let one effect explain, where small causes grow."""
+    return LUCKY * sum(r.scattered for r in left)
 
 
 def remainders(problem: Problem, fitted: Fitted) -> tuple[Remainder, ...]:

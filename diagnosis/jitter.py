@@ -3,12 +3,14 @@
 An error d of the instant makes an error ``q' d`` of the reading. Behind the whitening filter A the variance of the
 innovations is then
 
-    s_k^2 = a + c m_k + rms^2 V_k,   V = A^2 * q'^2
+    s_k^2 = a + c m_k + rms^2 V_k,   V = g^2 * q'^2,   g = A * h
 
-where ``A^2 *`` is a convolution with the squared coefficients, a stands for noise that does not depend on the motion
-and m_k for the rounding of the encoder, which scatters only while the joint moves by more than a step per sample. The
-Gaussian likelihoods with and without V decide. Scatter that follows the acceleration or the torque at least as well is
-not called jitter.
+where h is what an error of one reading makes of the prediction errors: the model follows the readings with a leak l,
+so that ``h = 1, -l dt, -l dt (1 - l dt), ...``. ``g^2 *`` is a convolution with the squared coefficients of both (that
+is near 1 where readings are all that is noisy), a stands for noise that does not depend on the motion and m_k for the
+rounding of the encoder, which scatters only while the joint moves by more than a step per sample. Gaussian likelihoods
+with and without V decide, and, where the scatter has longer tails than a Gaussian, how far rms^2 stands out of its
+robust (sandwich) deviation. Scatter that follows the acceleration or the torque at least as well is not called jitter.
 """
 
 from __future__ import annotations
@@ -42,10 +44,11 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     velocity, torque = motion[:, 1], motion[:, 2]
     acceleration = np.diff(velocity, prepend=velocity[:1])
     moving = np.minimum(np.abs(velocity) * problem.sample_time / max(problem.encoder_step, 1e-300), 1.0)
-    plain = [np.ones(len(rows)), _scatter(moving, fitted, joint)[rows]]
+    response = _response(problem, fitted, joint)
+    plain = [np.ones(len(rows)), _scatter(moving, response)[rows]]
     without = _likelihood(np.stack(plain), square)
     laws = {
-        name: _scatter(signal**2, fitted, joint)[rows]
+        name: _scatter(signal**2, response)[rows]
         for name, signal in (("velocity", velocity), ("acceleration", acceleration), ("torque", torque))
     }
     found = {name: _likelihood(np.stack([*plain, law]), square) for name, law in laws.items()}
@@ -54,19 +57,28 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     if deviance > best[0] + 1e-9 or coefficients[-1] <= 0.0:
         return None
     rms = float(np.sqrt(coefficients[-1]))
-    return Jitter(rms, float(deviations[-1]) / (2.0 * rms), without[0] - deviance)
+    robust = float((coefficients[-1] / max(deviations[-1], 1e-300)) ** 2)
+    return Jitter(rms, float(deviations[-1]) / (2.0 * rms), min(without[0] - deviance, robust))
 
 
-def _scatter(power: Array, fitted: Fitted, joint: int) -> Array:
+def _response(problem: Problem, fitted: Fitted, joint: int) -> Array:
+    """What an error of one reading makes of the innovations from its own sample on (K,)."""
+    coefficients = fitted.whitener.coefficients[joint]
+    pull = problem.leak * problem.sample_time
+    errors = np.concatenate([[1.0], -pull * (1.0 - pull) ** np.arange(len(coefficients) - 1)])
+    return np.asarray(np.convolve(coefficients, errors)[: len(coefficients)])
+
+
+def _scatter(power: Array, response: Array) -> Array:
     """Variance (T,) of the innovations by white noise of that variance (T,) in the readings."""
-    squared = fitted.whitener.coefficients[joint] ** 2
-    return prediction_filter(np.ascontiguousarray(power[None]), squared)[0]
+    return prediction_filter(np.ascontiguousarray(power[None]), response**2)[0]
 
 
 def _likelihood(laws: Array, square: Array) -> tuple[float, Array, Array]:
     """-2 log likelihood, coefficients (K,) >= 0 and their deviations for variances that are linear in laws (K, N).
 
-    Scoring for a gamma law with identity link; every coefficient is kept at zero or above.
+    Scoring for a gamma law with identity link; every coefficient is kept at zero or above. The deviations are those of
+    the sandwich, which hold whatever the law of the scatter.
     """
     scale = np.mean(laws, axis=1, keepdims=True) + 1e-300
     columns = laws / scale
@@ -84,5 +96,6 @@ def _likelihood(laws: Array, square: Array) -> tuple[float, Array, Array]:
         x = new
     variance = np.maximum(x @ columns, 1e-6 * mean)
     deviance = float(np.sum(np.log(variance) + square / variance))
-    deviations = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)), 0.0))
+    inner, scores = np.linalg.pinv(information), columns / variance * (square / variance - 1.0) / 2.0
+    deviations = np.sqrt(np.maximum(np.diag(inner @ (scores @ scores.T) @ inner), 0.0))
     return deviance, x / scale[:, 0], deviations / scale[:, 0]

@@ -13,8 +13,8 @@ from functools import cache
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.engine import Finding, without
-from diagnosis.estimation import Fitted, Point
+from diagnosis.engine import JITTER, Finding, without
+from diagnosis.estimation import Fitted, Point, predicted_motion
 from diagnosis.problem import DIVERGED, Problem
 from diagnosis.replay import (
     Replay,
@@ -94,12 +94,29 @@ def steps(problem: Problem, held_out: Problem, finding: Finding, given: Point | 
     return found
 
 
-def floor_of(problem: Problem, finding: Finding, j: int) -> float:
-    """Window error of the true model [rad or m]; sensor noise alone where something real is left unexplained."""
+def floor_of(problem: Problem, held_out: Problem, finding: Finding, j: int) -> float:
+    """Window error of the true model [rad or m] on the held-out logs, from the noise in the fitted ones; sensor noise
+    alone where something real is left unexplained."""
     if finding.verdict == "unknown":
         sensor = problem.encoder_step / np.sqrt(12.0)
         return noise_floor(problem, finding.final, j, WINDOW, max(sensor, 1e-12), coloured=False)
-    return noise_floor(problem, finding.final, j, WINDOW, float(np.sqrt(finding.final.variances[j])), coloured=True)
+    innovation = float(np.sqrt(finding.final.variances[j]))
+    same = noise_floor(problem, finding.final, j, WINDOW, innovation, coloured=True)
+    return float(np.sqrt(max(same**2 + faster(problem, held_out, finding, j), 0.1 * same**2)))
+
+
+def faster(problem: Problem, held_out: Problem, finding: Finding, j: int) -> float:
+    """What a jitter of the sampling instants adds to the mean square of the held-out readings' noise beyond that of the
+    fitted ones: it makes the more of it the faster the joint moves."""
+    item = next((item for item in finding.accepted if item.name == JITTER and item.joint == j), None)
+    if item is None:
+        return 0.0
+    jitter = finding.final.point.parameters[0, j, problem.kernel.column(item.effect, "rms")]
+    there, here = (
+        np.mean(predicted_motion(own, transfer(own, finding.final.point))[own.used, j, 1] ** 2)
+        for own in (held_out, problem)
+    )
+    return float(jitter**2 * (there - here))
 
 
 def failures(problem: Problem, held_out: Problem, finding: Finding, found: Sequence[Step]) -> dict[int, Failure]:
@@ -130,10 +147,10 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
         if after < enough:
             continue
         most = max(BEYOND**2, chi2.isf(CHANCE, count) / count)
-        times = np.sqrt(after) / floor_of(problem, finding, j)
+        times = np.sqrt(after) / floor_of(problem, held_out, finding, j)
         exceeds = not elsewhere and times**2 > most
         if exceeds and finding.band is None:  # dry friction, coupling and uncertainty make more of the noise
-            exceeds = after > most * floors()[j] ** 2
+            exceeds = after > most * (floors()[j] ** 2 + max(faster(problem, held_out, finding, j), 0.0))
         if exceeds:
             failing[j] = Failure(float(times), noise=True)
         elif after > WORSE**2 * before:

@@ -24,6 +24,9 @@ SEGMENT = 60_000  # samples of one segment of a long recording
 DIVERGED = 1e6  # prediction error [rad or m] that stands for a simulation that left all bounds
 LIMIT = 240_000  # samples that take part in a fit
 DITHER = 0.02  # rms of the noise that continuous readings are given, as a share of that of the motion between two
+INDEPENDENT = (
+    0.5  # mean square change of the stamps' error over twice its mean square, 1 where one does not know the next
+)
 
 
 @dataclass(frozen=True)
@@ -210,19 +213,23 @@ class Problem:
 def evenly(problem: Problem) -> tuple[Problem, float] | None:
     """The same readings at even instants, and the rms [s] by which the stamps miss them; None where they do not.
 
-    Whether the clock or the sampling jitters cannot be seen in the stamps: a fit has to decide. Gaps are left alone.
+    Whether the clock or the sampling jitters cannot be seen in the stamps: a fit has to decide. Gaps are left alone,
+    and so are stamps whose errors add up from one to the next: a loop that took longer took longer.
     """
-    time, error = problem.time.copy(), 0.0
+    time, error, change = problem.time.copy(), 0.0, 0.0
     for a, b in pairwise(problem.bounds):
         count = np.arange(b - a)
         step, begin = np.polyfit(count, problem.time[a:b], 1)
         even = begin + step * count
-        if np.max(np.abs(problem.time[a:b] - even)) > 1.5 * step:
+        missed = problem.time[a:b] - even
+        if np.max(np.abs(missed)) > 1.5 * step:
             return None
         time[a:b] = even
-        error += float(np.sum((problem.time[a:b] - even) ** 2))
+        error += float(np.sum(missed**2))
+        change += float(np.sum(np.diff(missed) ** 2))
     error = float(np.sqrt(error / len(time)))
-    return None if error < 0.01 * problem.sample_time else (replace(problem, time=time), error)
+    is_jitter = error >= 0.01 * problem.sample_time and change > INDEPENDENT * 2.0 * len(time) * error**2
+    return (replace(problem, time=time), error) if is_jitter else None
 
 
 def excitation_band(problem: Problem) -> float:

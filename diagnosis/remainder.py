@@ -169,13 +169,15 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         responses[name] = fitted.whitener(difference) * noise
     gain = lambda basis: -count * np.log(max(1.0 - project(basis, residual)[1] / total, 1e-12))  # noqa: E731
     base = gain(fitted.jacobian)
-    found = []
-    for name, response in responses.items():
-        decrease = gain(np.vstack([fitted.jacobian, response])) - base
-        p = float(min(1.0, len(responses) * chi2.sf(max(decrease, 0.0), len(response))))
-        found.append(Dependence(name, float(decrease), len(response), p))
     every = np.vstack([fitted.jacobian, *responses.values()])
     scatter = scattering(problem, fitted, joint, motion)
+    found = []
+    for name, response in responses.items():
+        basis = np.vstack([fitted.jacobian, response])
+        decrease, degrees = gain(basis) - base, len(response)
+        growth = max(1.0, scattered(fitted, basis, scatter) / degrees)
+        p = float(min(1.0, len(responses) * chi2.sf(max(decrease, 0.0) / growth, degrees)))
+        found.append(Dependence(name, float(decrease), degrees, p))
     return Remainder(
         tuple(sorted(found, key=lambda d: -d.decrease / d.functions)),
         float(gain(every) - base),

@@ -164,7 +164,8 @@ def joint_figures(
         runs = [draw.free_run(series, joint.position_unit, window, f"{slug}free") for series in held_out]
         found["free_run"] = next((run for run in runs if run is not None), None)
     if joint.refused:
-        found["refused"] = draw.ranking(joint.refused, None, (), threshold, f"{slug}refused")
+        needed = max(threshold, joint.scattered)
+        found["refused"] = draw.ranking(joint.refused, None, (), needed, f"{slug}refused")
     if joint.spectrum is not None:
         found["spectrum"] = draw.residual_spectrum(joint.spectrum, joint.command_unit, f"{slug}spectrum")
     return {name: Markup(text) for name, text in found.items() if text is not None}

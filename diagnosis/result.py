@@ -270,7 +270,8 @@ class JointResult:
     refused: the hypotheses that were tried last and not accepted, best first. fails_by: how the model fails on data
     that nobody fitted, where only that says that it is wrong. patched: what the effects stand for together, where they
     are pieces of another law. drifts: how constant each parameter is within the logs and from one to the next.
-    title: its name in the robot's description, if that says more than the number.
+    title: its name in the robot's description, if that says more than the number. scattered: what noise alone would let
+    a hypothesis explain beside the model, where small causes grow in it.
     """
 
     joint: int
@@ -294,6 +295,7 @@ class JointResult:
     patched: Patchwork | None = None
     drifts: tuple[Drift, ...] = ()
     title: str = ""
+    scattered: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -382,7 +382,7 @@ def joint_result(
     """Everything about joint index j of a solved problem."""
     finding, joint, units = solved.finding, solved.joints[j], solved.units[j]
     spread = finding.covariance
-    floor = floor_of(solved.problem, finding, j)
+    floor = floor_of(solved.problem, solved.held_out, finding, j)
     ledger = rows(solved.held_out, list(solved.ledger), j, joint, floor, rng)
     own_gap = gap(solved.held_out, list(solved.ledger), j, joint, units.position, floor, on, rng)
     given = next((step.point for step in solved.ledger if step.role == "as given"), None)
@@ -414,6 +414,7 @@ def joint_result(
         fails_by=solved.failing.get(j),
         patched=finding.patched.get(j),
         drifts=left.drifts,
+        scattered=finding.scattered,
     )
     return result, own_gap, ledger
 

@@ -124,6 +124,8 @@ def table(diagnosis: Diagnosis, width: int = 100) -> str:
     for row in diagnosis.ledger:
         if row.note:
             console.print(f"joint {row.joint}, {row.step}: {row.note}", markup=False)
+    for finding in diagnosis.provenance.findings:
+        console.print(f"Noted: {finding}", markup=False)
     if diagnosis.next_experiment is not None:
         proposal = diagnosis.next_experiment
         console.print(f"Next: {proposal.excitation} ({proposal.purpose}): {proposal.benefit}", markup=False)

@@ -38,7 +38,7 @@ from diagnosis.result import (
     SignalDependence,
     Spectrum,
 )
-from diagnosis.text import gain, joint_sentence
+from diagnosis.text import gain, joint_sentence, table
 from methods.effects import built_in
 
 HOSTILE = '<script>alert("1")</script> $x_{ & \' "onmouseover="x'
@@ -238,6 +238,19 @@ def test_joints_of_a_described_robot_have_their_names() -> None:
     titled = replace(full, joints=(full.joints[0], replace(full.joints[1], title="shoulder_lift")))
     assert Page(render(titled)).text.count("shoulder_lift") == 2  # in the table and above its section
     assert "shoulder_lift" not in Page(render(full)).text
+
+
+def test_what_was_noticed_stands_in_the_terminal() -> None:
+    diagnosis = example("named")
+    (found,) = diagnosis.provenance.findings
+    assert f"Noted: {found[:40]}" in table(diagnosis, width=400)
+
+
+def test_the_page_says_what_noise_alone_explains_where_small_causes_grow() -> None:
+    diagnosis = example("named")
+    rough = replace(diagnosis, joints=tuple(replace(joint, scattered=445.0) for joint in diagnosis.joints))
+    assert "noise alone would lower −2 log likelihood by about 445" in Page(render(rough)).text
+    assert "Small causes grow" not in Page(render(diagnosis)).text
 
 
 def test_numbers_of_the_sentence_are_those_of_the_json() -> None:

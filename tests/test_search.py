@@ -24,8 +24,10 @@ from diagnosis.engine import (
 )
 from diagnosis.estimation import errors, finish, fit, plain, sensitivities
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
+from diagnosis.jitter import jitter
+from diagnosis.ledger import faster
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
-from diagnosis.problem import Problem, stack
+from diagnosis.problem import Problem, evenly, stack
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import remainder
 from diagnosis.replay import imitated_floor, noise_floor, transfer
@@ -157,6 +159,17 @@ def test_the_instant_of_an_event_is_sought_from_afar() -> None:
     assert moved.point.value("payload_change.time@0") == pytest.approx(5.1, abs=2e-3)
     friction = Hypothesis(NAMED["coulomb_friction"], 0)
     assert retimed(problem, near, friction) is near
+
+
+def test_stamps_jitter_only_where_one_error_does_not_know_the_next() -> None:
+    problem = problem_of({})
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(len(problem.time))
+    jittering = evenly(replace(problem, time=problem.time + noise))
+    assert jittering is not None
+    assert jittering[1] == pytest.approx(1e-4, rel=0.05)
+    wandering = np.cumsum(0.02 * noise)
+    assert np.std(wandering) > 0.01 * problem.sample_time
+    assert evenly(replace(problem, time=problem.time + wandering)) is None
 
 
 def test_effective_samples() -> None:
@@ -539,6 +552,38 @@ def test_the_floor_by_imitation_is_that_of_the_noise_and_of_what_short_logs_leav
     certain = imitated_floor(held_out, fitted, fitted.covariance, point, 1.0)[0]
     assert certain == pytest.approx(linear, rel=0.3)
     assert imitated_floor(held_out, fitted, 1e4 * fitted.covariance, point, 1.0)[0] > 2.0 * certain
+
+
+def jittering(rms: float, speed: float = 1.0) -> Problem:
+    """A motion whose readings are taken at instants with that error, at a multiple of the usual speed."""
+    log = record({})
+    late = rms * np.random.default_rng(4).standard_normal(len(log))
+    motion = np.interp(speed * (log.time + late), log.time, log.position[:, 0])[:, None]
+    return stack(KERNEL, [replace(log, position=STEP * np.round(motion / STEP))], (1,))
+
+
+def test_jitter_is_told_from_noise_with_long_tails() -> None:
+    problem = jittering(2e-4)
+    found = jitter(problem, fit_nominal(problem, (JointStructure(),)), 0)
+    assert found is not None
+    assert found.rms == pytest.approx(2e-4, rel=0.05)
+    assert found.decrease > 1000.0
+    tails = 2e-4 * np.random.default_rng(5).standard_t(2.5, len(problem.time))
+    tailed = stack(KERNEL, [replace(record({}), position=record({}).position + tails[:, None])], (1,))
+    none = jitter(tailed, fit_nominal(tailed, (JointStructure(),)), 0)
+    assert none is None or none.decrease < 12.0
+
+
+def test_jitter_makes_more_noise_where_the_joint_moves_faster() -> None:
+    problem, rms = jittering(2e-4), 2e-4
+    fitted = fit_nominal(problem, (JointStructure(),))
+    item = accepted(problem, fitted, "timestamp_jitter", [rms])
+    finding = SimpleNamespace(accepted=(item,), final=item.scored.fitted)
+    same = faster(problem, problem, finding, 0)  # type: ignore[arg-type]
+    slow = replace(problem, command=0.5 * problem.command, reading=0.5 * problem.reading)
+    velocity = np.std(np.diff(record({}).position[:, 0])) / DT
+    assert same == pytest.approx(0.0, abs=1e-12)
+    assert faster(slow, problem, finding, 0) == pytest.approx(0.75 * (rms * velocity) ** 2, rel=0.1)  # type: ignore[arg-type]
 
 
 def test_an_effect_at_the_end_of_its_range_stands_in_for_another_one() -> None:

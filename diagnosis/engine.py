@@ -272,9 +272,10 @@ class Search:
     tell: Callable[[str], None]
 
     def grown(self, path: Path) -> Path:
-        """The path continued as far as effects are found."""
+        """The path continued as far as effects are found; at their limit, as far as one takes the place of another."""
         problem, settings = self.problem, self.settings
-        while distinct(path.accepted) < settings.limit * problem.joints:
+        limit = settings.limit * problem.joints
+        while candidates := self.candidates(path, is_full=distinct(path.accepted) >= limit):
             self.tell(f"looking for effect {len(path.accepted) + 1}")
             explained = self.nominal.criterion - path.base.criterion
             needed = -np.inf
@@ -283,7 +284,6 @@ class Search:
                 complete = path.excess <= allowance(self.nominal, path.base)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
                 needed = max(needed, path.scattered)
-            candidates = hypotheses_of(self.effects, problem.joints, set(path.present))
             ranked = try_all(problem, path.base, candidates, needed=needed)
             if not path.accepted and stuck(problem, ranked):
                 ranked = also_without_limits(problem, path.base, candidates, ranked)
@@ -299,8 +299,18 @@ class Search:
             before = replace(path, forks=())
             closer = tuple((before, other) for other in much_closer(problem, chosen, ranked, settings))
             others = tuple((before, other) for other in nearly_as_good(chosen, ranked))
-            path = self.advanced(replace(path, forks=closer + path.forks + others), chosen)
+            longer = self.advanced(replace(path, forks=closer + path.forks + others), chosen)
+            if distinct(longer.accepted) > limit:
+                break
+            path = longer
         return path if path.left else replace(path, left=remainders(problem, path.base))
+
+    def candidates(self, path: Path, *, is_full: bool) -> list[tuple[Effect, int]]:
+        """The effects that may come next: all others, or those that contain one that is there."""
+        others = hypotheses_of(self.effects, self.problem.joints, set(path.present))
+        there = {(item.name, item.joint) for item in path.accepted}
+        contains = lambda effect, j: any((name, j) in there for name in effect.includes)  # noqa: E731
+        return [(effect, j) for effect, j in others if not is_full or contains(effect, j)]
 
     def advanced(self, path: Path, chosen: Accepted) -> Path:
         """The path with one more effect, in its simplest form, and without those that it makes superfluous."""

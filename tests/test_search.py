@@ -8,6 +8,8 @@ import pytest
 
 from diagnosis.engine import (
     Accepted,
+    Path,
+    Search,
     Settings,
     also_without_limits,
     choose,
@@ -384,6 +386,20 @@ def test_a_disturbance_is_as_strong_in_every_log() -> None:
         assert is_steady(problem, scored) == steady
         chosen = choose(problem, [scored], Settings(), 0.0, taken=set())
         assert (chosen is not None) == steady
+
+
+def test_at_their_limit_effects_only_take_the_place_of_others() -> None:
+    hidden = {"torque": 0.05, "excess": 0.03, "velocity": 0.1, "exponent": 2.0}
+    problem = problem_of({"stribeck_friction": hidden}, noise=1e-3 * np.random.default_rng(1).normal(size=5000))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    there = accepted(problem, nominal, "coulomb_friction", [0.05])
+    search = Search(problem, (JointStructure(),), EFFECTS, Settings(limit=1), nominal, lambda text: None)
+    path = Path(there.scored.fitted, (there,), frozenset({("coulomb_friction", 0)}), ())
+    names = lambda full: {effect.name for effect, _ in search.candidates(path, is_full=full)}  # noqa: E731
+    assert {"stribeck_friction", "presliding_friction", "input_delay"} < names(False)
+    assert {"stribeck_friction", "presliding_friction"} < names(True)
+    assert not {"input_delay", "gravity_tilt", "coulomb_friction"} & names(True)
+    assert [item.label for item in search.grown(path).accepted] == ["stribeck_friction"]
 
 
 def test_one_event_has_one_name() -> None:

@@ -297,7 +297,10 @@ class Search:
                 path = replace(path, refused=ranking(ranked), unsteady=unsteady)
                 break
             before = replace(path, forks=())
-            closer = tuple((before, other) for other in much_closer(problem, chosen, ranked, settings))
+            nearer = much_closer(problem, chosen, ranked, settings)
+            if nearer and chosen.effect.scatters:  # in ground as rough as that nothing else would be found beside it
+                chosen, nearer = nearer[0], [chosen, *nearer[1:]]
+            closer = tuple((before, other) for other in nearer)
             others = tuple((before, other) for other in nearly_as_good(chosen, ranked))
             longer = self.advanced(replace(path, forks=closer + path.forks + others), chosen)
             if distinct(longer.accepted) > limit:

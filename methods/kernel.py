@@ -77,11 +77,13 @@ STRUCTURAL = {
     "amplifier_lag": "LAG",
     "input_delay": "DELAY",
     "thermal_drift": "THERMAL",
+    "thermal_drift_copper": "COPPER",
     "torque_ripple_reciprocal": "RIPPLE",
     "joint_flexibility": "FLEX",
     "joint_flexibility_load_side": "FLEX_LOAD",
     "backlash": "PLAY",
     "backlash_load_side": "PLAY_LOAD",
+    "backlash_power": "PLAY_POWER",
     "presliding_friction": "BRISTLE",
     "presliding_friction_power": "DAHL",
     "payload_change": "PAYLOAD",
@@ -320,7 +322,7 @@ def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
     if RIPPLE >= 0 and on[RIPPLE]:
         constant += p[RIPPLE_P] * math.sin(p[RIPPLE_P + 2] * q) + p[RIPPLE_P + 1] * math.cos(p[RIPPLE_P + 2] * q)
     emf = constant * p[BACK_EMF] * dq
-    if THERMAL >= 0 and on[THERMAL]:
+    if _warming(on):
         resistance += heat
     if p[ELECTRICAL] > 0.0:
         change = (u - emf - resistance * w) * p[ELECTRICAL_RATE]
@@ -329,8 +331,13 @@ def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
         if resistance != 1.0:
             w /= resistance
         change = 0.0
-    if THERMAL >= 0 and on[THERMAL]:
-        heating = (p[THERMAL_P] * w * w / p[SQUARE] - heat) / p[THERMAL_P + 1]
+    if _warming(on):
+        copper = COPPER >= 0 and on[COPPER]
+        first = COPPER_P if copper else THERMAL_P
+        power = p[first] * w * w / p[SQUARE]
+        if copper:
+            power *= (1.0 + p[first + 2] * heat) / (1.0 + p[first + 2] * p[first])
+        heating = (power - heat) / p[first + 1]
     r = w
     if p[LIMIT] > 0.0:
         r = min(max(w, -p[LIMIT]), p[LIMIT])
@@ -364,12 +371,22 @@ def _flexible(on):
 @njit(cache=True, inline='always', error_model='numpy')
 def _playing(on):
     """Whether the transmission has a play."""
-    return (PLAY >= 0 and on[PLAY]) or (PLAY_LOAD >= 0 and on[PLAY_LOAD])
+    return (
+        (PLAY >= 0 and on[PLAY]) or (PLAY_LOAD >= 0 and on[PLAY_LOAD]) or (PLAY_POWER >= 0 and on[PLAY_POWER])
+    )
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _warming(on):
+    """Whether the winding's resistance rises with its heat."""
+    return (THERMAL >= 0 and on[THERMAL]) or (COPPER >= 0 and on[COPPER])
 
 
 @njit(cache=True, inline='always', error_model='numpy')
 def _play_column(on):
     """First parameter of the play, whichever side the encoder is on."""
+    if PLAY_POWER >= 0 and on[PLAY_POWER]:
+        return PLAY_POWER_P
     return PLAY_LOAD_P if PLAY_LOAD >= 0 and on[PLAY_LOAD] else PLAY_P
 
 
@@ -439,8 +456,10 @@ def _joined(t, q, dq, ql, dql, rhs, p, on):
         al = 0.0
         share = p[first + 1]
         if abs(d) > half:
-            omega = 2.0 * math.pi * p[first + 2]
-            al = omega * (omega * (d - math.copysign(half, d)) + 2.0 * p[first + 3] * (dq - dql))
+            omega, deep = 2.0 * math.pi * p[first + 2], d - math.copysign(half, d)
+            al = omega * (omega * deep + 2.0 * p[first + 3] * (dq - dql))
+            if PLAY_POWER >= 0 and on[PLAY_POWER]:
+                al *= (abs(deep) / max(half, 1e-300)) ** (p[first + 4] - 1.0)
             if al * d < 0.0:
                 al = 0.0
         F = inertia * share * al

@@ -202,6 +202,47 @@ def test_saturation_by_a_power_contains_the_rational_law() -> None:
     assert power(0.0, 0.0, 0.0, 1.7, (0.3, 1.0)) == pytest.approx(rational(0.0, 0.0, 0.0, 1.7, (0.3,)))
 
 
+def moved(name: str, parameters: dict[str, float], nominal: dict[str, float] | None = None, seconds: float = 4.0):
+    """Positions of the joint under a slow and a fast wave, with one effect."""
+    time = DT * np.arange(int(seconds / DT))
+    command = (2.0 * np.sin(2.0 * time) + np.sin(11.0 * time))[:, None]
+    joint = StructuredJoint(1, "voltage", {**JOINT, **(nominal or {})}, {name: parameters})
+    return StructuredModel((joint,), DT, None, EFFECTS).simulate(time, command, State.at_rest(0.0)).position[:, 0]
+
+
+def test_a_contact_that_hardens_contains_the_linear_one() -> None:
+    play = {"gap": 0.02, "inertia_ratio": 0.4, "frequency": 25.0, "damping_ratio": 0.3}
+    linear = moved("backlash", play)
+    assert np.array_equal(moved("backlash_power", {**play, "exponent": 1.0}), linear)
+    hertz = moved("backlash_power", {**play, "exponent": 1.5})
+    assert 1e-5 < np.max(np.abs(hertz - linear)) < 0.5 * np.ptp(linear)
+
+
+def test_copper_losses_grow_with_the_resistance_that_they_heat() -> None:
+    """A stalled winding in the end: rise = r i^2 / mean (1 + s rise) / (1 + s r), with i = u / (1 + rise)."""
+    heat, square = {"resistance_rise": 0.5, "time_constant": 1.0}, {"torque_square_mean": 2.0}
+    slow = moved("thermal_drift", heat, square)
+    assert np.array_equal(moved("thermal_drift_copper", {**heat, "feedback": 0.0}, square), slow)
+    level, rise = 2.0, 0.0
+    for _ in range(200):
+        rise = 0.5 * (level / (1.0 + rise)) ** 2 / 2.0 * (1.0 + rise) / 1.5
+    joint = {**JOINT, **square, "inertia": 1e3, "back_emf": 1e-9, "viscous": 0.0}
+    part = StructuredJoint(1, "voltage", joint, {"thermal_drift_copper": {**heat, "feedback": 1.0}})
+    time = DT * np.arange(10_000)
+    model = StructuredModel((part,), DT, None, EFFECTS)
+    velocity = model.simulate(time, np.full((10_000, 1), level), State.at_rest(0.0)).velocity[:, 0]
+    current = 1e3 * (velocity[-1] - velocity[-501]) / (500 * DT)
+    assert current == pytest.approx(level / (1.0 + rise), rel=1e-3)
+
+
+def test_a_bridge_lowers_its_supply_by_the_power_that_it_draws() -> None:
+    sag = NAMED["supply_sag_by_power"].function
+    assert sag is not None
+    assert sag(3.0, 0.0, 0.0, 0.0, 2.0, (0.01,)) == pytest.approx(3.0 * (1.0 - 0.06))
+    assert sag(-3.0, 0.0, 0.0, 0.0, -2.0, (0.01,)) == pytest.approx(-3.0 * (1.0 - 0.06))
+    assert sag(3.0, 0.0, 0.0, 0.0, -2.0, (0.01,)) == 3.0  # the motor brakes: nothing is drawn
+
+
 def test_a_load_picked_up_at_rest_keeps_the_momentum() -> None:
     """J v = (J + m) v' at the instant; a load that moves along keeps the velocity."""
     time = DT * np.arange(400)

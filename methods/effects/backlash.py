@@ -53,4 +53,19 @@ LOAD_SIDE = replace(
     starts=lambda s: [values for values in starts(s) if values[1] == 0.5],
 )
 """The same with the encoder behind the play, which sees it even where little inertia hangs behind it."""
-EFFECTS = (EFFECT, LOAD_SIDE)
+POWER = replace(
+    EFFECT,
+    name="backlash_power",
+    kind="backlash",
+    parameters=(*EFFECT.parameters, EffectParameter("exponent", "ratio", "of the contact: 1.5 by Hertz", 0.8, 2.5)),
+    equation=r"F = K\,x\,|2x/b|^{n-1},\ x = \delta - \mathrm{clip}(\delta, \pm b/2),\ \delta = q - q_l",
+    source="Hunt and Crossley 1975",
+    excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side"),
+    includes=("backlash",),
+    neutral=(1.0,),
+    after="backlash",
+    starts=lambda s: [(*values, 1.5) for values in starts(s)[:1]],
+    expected_failures=(),
+)
+"""A contact that hardens: frequency and damping are those half a gap deep."""
+EFFECTS = (EFFECT, LOAD_SIDE, POWER)

@@ -1,4 +1,5 @@
-"""Sag of the supply: the voltage that a given duty cycle yields falls with the current drawn, or with the duty itself.
+"""Sag of the supply: the voltage that a given duty cycle yields falls with the current in the motor, with the duty
+itself, or with the power that the bridge draws.
 
 Source: Rhoban, BAM: better actuator models for servo actuators, 2024 (supply measured under load).
 """
@@ -39,8 +40,26 @@ BY_COMMAND = replace(
     equation=r"v_a = v\,(1 - g\,|v|)",
     variable="command",
     starts=lambda s: [(0.02 / s.command_rms,)],
-    excludes=(EFFECT.name,),
     function=by_command,
 )
 """As a simulator may have it that does not look at the current."""
-EFFECTS = (replace(EFFECT, excludes=(BY_COMMAND.name,)), BY_COMMAND)
+
+
+def by_power(u, t, q, dq, w, p):
+    """u (1 - gain max(u w, 0))."""
+    return u * max(0.0, 1.0 - p[0] * max(u * w, 0.0))
+
+
+BY_POWER = replace(
+    EFFECT,
+    name="supply_sag_by_power",
+    kind="supply_sag",
+    parameters=(EffectParameter("gain", "1/command squared", "relative loss of voltage per power drawn", lower=0.0),),
+    equation=r"v_a = v\,(1 - g\,\max(v i, 0))",
+    variable="motor torque",
+    starts=lambda s: [(0.02 / (s.command_rms * s.torque_rms),)],
+    function=by_power,
+)
+"""As a bridge draws it: a supply gives the power that the motor takes, and takes back none."""
+FORMS = (EFFECT, BY_COMMAND, BY_POWER)
+EFFECTS = tuple(replace(form, excludes=tuple(f.name for f in FORMS if f is not form)) for form in FORMS)

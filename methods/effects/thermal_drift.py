@@ -6,6 +6,8 @@
 Source: A. Hughes, B. Drury, Electric Motors and Drives, section 1 (thermal time constant).
 """
 
+from dataclasses import replace
+
 from methods.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
@@ -23,3 +25,22 @@ EFFECT = Effect(
     source="Hughes and Drury",
     starts=lambda s: [(0.02, max(1.0, fraction * s.duration)) for fraction in (0.05, 0.1, 0.3, 1.0, 4.0)],
 )
+
+COPPER = replace(
+    EFFECT,
+    name="thermal_drift_copper",
+    kind="thermal_drift",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("feedback", "ratio", "share of the losses that grows with the resistance", 0.0, 1.5),
+    ),
+    equation=r"R = R_0(1+\vartheta),\ "
+    r"T\dot\vartheta = \frac{1 + s\vartheta}{1 + s r}\, r\,i^2/\overline{i^2} - \vartheta",
+    includes=("thermal_drift",),
+    excludes=("thermal_drift",),
+    neutral=(0.0,),
+    after="thermal_drift",
+    starts=lambda s: [(0.02, s.duration, 1.0)],
+)
+"""Copper losses grow with the resistance that they heat, which shows where it rises by a third."""
+EFFECTS = (EFFECT, COPPER)

@@ -297,9 +297,7 @@ class Search:
                 path = replace(path, refused=ranking(ranked), unsteady=unsteady)
                 break
             before = replace(path, forks=())
-            nearer = much_closer(problem, chosen, ranked, settings)
-            if nearer and chosen.effect.scatters:  # in ground as rough as that nothing else would be found beside it
-                chosen, nearer = nearer[0], [chosen, *nearer[1:]]
+            chosen, nearer = firm_ground_first(chosen, much_closer(problem, chosen, ranked, settings))
             closer = tuple((before, other) for other in nearer)
             others = tuple((before, other) for other in nearly_as_good(chosen, ranked))
             longer = self.advanced(replace(path, forks=closer + path.forks + others), chosen)
@@ -479,6 +477,16 @@ def much_closer(problem: Problem, chosen: Accepted, ranked: Sequence[Scored], se
     limit = size(chosen.scored) + 2.0 * np.log(CLOSER)
     found = [s for s in textbook(ranked) if s.evidence > settings.threshold and size(s) < limit]
     return [Accepted(scored, 0.0, (), chosen.considered) for scored in sorted(found, key=size)]
+
+
+def firm_ground_first(chosen: Accepted, nearer: list[Accepted]) -> tuple[Accepted, list[Accepted]]:
+    """What is taken next and what instead of it: nothing in which small causes grow before what comes much closer.
+
+    Beside the former the latter, which all logs show plainly, would no longer be found.
+    """
+    if not nearer or not chosen.effect.scatters:
+        return chosen, nearer
+    return nearer[0], [chosen, *nearer[1:]]
 
 
 def choose(

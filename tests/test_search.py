@@ -16,6 +16,7 @@ from diagnosis.engine import (
     coincides,
     confirmed,
     find,
+    firm_ground_first,
     is_steady,
     merged,
     merged_afterwards,
@@ -588,6 +589,17 @@ def test_what_comes_much_closer_to_the_logs_is_another_way() -> None:
     ]
     others = much_closer(problem, chosen, ranked, Settings())
     assert [other.name for other in others] == ["gravity_tilt", "cable_spring"]
+
+
+def test_a_play_is_sought_on_firm_ground() -> None:
+    def item(name: str) -> Accepted:
+        start = Start(Hypothesis(NAMED[name], 0), np.zeros((1, NAMED[name].size)), 100.0)
+        return Accepted(Scored(start, None, 100.0, 0.0), 0.1, ())  # type: ignore[arg-type]
+
+    play, tilt, spring = item("backlash"), item("gravity_tilt"), item("cable_spring")
+    assert firm_ground_first(play, [tilt, spring]) == (tilt, [play, spring])
+    assert firm_ground_first(play, []) == (play, [])
+    assert firm_ground_first(spring, [tilt]) == (spring, [tilt])
 
 
 def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_joint() -> None:

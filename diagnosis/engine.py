@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -60,6 +60,8 @@ TIMED = 0.75
 """Share of the best evidence from which the best form of a law is compared with a timing of its own."""
 LIMITED = 0.25
 """The same for torque limits that act or do not."""
+DRIVEN_BY = {"position": "place", "motor torque": "motor", "command": "motor"}
+"""By the signals that effects follow, groups whose laws are too unlike for one to stand in for another."""
 STEADY = 0.5
 """Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
 CLEARED = 0.1
@@ -290,8 +292,7 @@ class Search:
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
             ranked = with_limiting_effects(problem, path.base, ranked)
-            taken = {item.joint for item in path.accepted}
-            chosen = choose(problem, ranked, settings, explained, taken, least=path.scattered)
+            chosen = choose(problem, ranked, settings, explained, path.accepted, least=path.scattered)
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
                 path = replace(path, refused=ranking(ranked), unsteady=unsteady)
@@ -494,13 +495,13 @@ def choose(
     ranked: list[Scored],
     settings: Settings,
     explained: float,
-    taken: Set[int],
+    accepted: Sequence[Accepted] = (),
     least: float = 0.0,
 ) -> Accepted | None:
     """The best hypothesis that is significant and material; among near equals the one with fewest parameters.
 
-    taken: joints that have an effect already, whose inexact law a small further one on the same joint may repair.
-    least: decrease of -2 log likelihood that noise alone can bring.
+    accepted: effects that are there already, whose inexact laws a small further one may repair. least: decrease of
+    -2 log likelihood that noise alone can bring.
     """
     ranked = [s for s in ranked if is_resolved(problem, s) and is_steady(problem, s) and is_possible(problem, s)]
     ranked = textbook(ranked)
@@ -520,7 +521,7 @@ def choose(
     for scored in sorted(near, key=lambda s: (s.effect.size, -s.evidence)):
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
-        plain = hypothesis.joint not in taken or scored.decrease > settings.inexact * explained
+        plain = not may_repair(scored, accepted, settings) or scored.decrease > settings.inexact * explained
         if share >= (settings.material if plain else 0.5 * settings.relevant):
             rivals = tuple(
                 s
@@ -532,6 +533,16 @@ def choose(
             )
             return Accepted(scored, share, rivals, ranking(ranked))
     return None
+
+
+def may_repair(scored: Scored, accepted: Sequence[Accepted], settings: Settings) -> bool:
+    """Whether a further effect may only make up for an inexact law of another one of the same joint.
+
+    What follows the position and what follows the motor do not stand in for each other where the evidence is strong.
+    """
+    own = DRIVEN_BY.get(scored.effect.variable) if scored.evidence > settings.weak else None
+    others = (DRIVEN_BY.get(item.effect.variable) for item in accepted if item.joint == scored.start.hypothesis.joint)
+    return any(own is None or other is None or own == other for other in others)
 
 
 def textbook(ranked: Sequence[Scored]) -> list[Scored]:

@@ -18,6 +18,7 @@ from diagnosis.engine import (
     find,
     firm_ground_first,
     is_steady,
+    may_repair,
     merged,
     merged_afterwards,
     much_closer,
@@ -426,7 +427,7 @@ def test_a_disturbance_is_as_strong_in_every_log() -> None:
         scored = Scored(Start(hypothesis, values, 0.0), fitted, nominal.criterion - fitted.criterion, 50.0)
         assert scored.evidence > 100.0
         assert is_steady(problem, scored) == steady
-        chosen = choose(problem, [scored], Settings(), 0.0, taken=set())
+        chosen = choose(problem, [scored], Settings(), 0.0)
         assert (chosen is not None) == steady
 
 
@@ -607,8 +608,17 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     nominal = fit_nominal(problem, (JointStructure(),))
     offset = accepted(problem, nominal, "amplifier_offset", [2e-3]).scored
     explained = 50.0 * offset.decrease
-    assert choose(problem, [offset], Settings(), explained, taken={0}) is None
-    assert choose(problem, [offset], Settings(), explained, taken={1}) is not None
+    there = lambda joint, variable: SimpleNamespace(  # noqa: E731
+        joint=joint, effect=SimpleNamespace(variable=variable)
+    )
+    pick = lambda *items: choose(problem, [offset], Settings(), explained, items)  # noqa: E731
+    assert pick(there(0, "velocity")) is None
+    assert pick(there(1, "velocity")) is not None
+    wave = replace(offset, start=replace(offset.start, hypothesis=Hypothesis(NAMED["cogging_torque"], 0)))
+    assert may_repair(wave, (there(0, "position"),), Settings())  # type: ignore[arg-type]
+    assert not may_repair(wave, (there(0, "motor torque"),), Settings())  # type: ignore[arg-type]
+    assert may_repair(wave, (there(0, "motor torque"),), Settings(weak=1e9))  # type: ignore[arg-type]
+    assert may_repair(offset, (there(0, "motor torque"),), Settings())  # type: ignore[arg-type]
 
 
 def test_the_floor_by_imitation_is_that_of_the_noise_and_of_what_short_logs_leave_uncertain() -> None:
@@ -659,11 +669,11 @@ def test_an_effect_at_the_end_of_its_range_stands_in_for_another_one() -> None:
     problem = problem_of({"encoder_eccentricity": {"sine": 0.05, "cosine": 0.02}})
     nominal = fit_nominal(problem, (JointStructure(),))
     found = accepted(problem, nominal, "encoder_eccentricity", [0.05, 0.02]).scored
-    assert choose(problem, [found], Settings(), 0.0, taken=set()) is not None
+    assert choose(problem, [found], Settings(), 0.0) is not None
     parameters = found.fitted.point.parameters.copy()
     parameters[:, 0, KERNEL.column(NAMED["encoder_eccentricity"], "sine")] = -0.1
     at_end = replace(found.fitted, point=replace(found.fitted.point, parameters=parameters))
-    assert choose(problem, [replace(found, fitted=at_end)], Settings(), 0.0, taken=set()) is None
+    assert choose(problem, [replace(found, fitted=at_end)], Settings(), 0.0) is None
 
 
 def test_the_noise_of_a_coarse_encoder_is_no_torque() -> None:

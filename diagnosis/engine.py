@@ -86,8 +86,8 @@ class Settings:
     instants as a share of the interval. patched: evidence of what was refused for its size, as a share of what was
     explained, above which something unknown must be there. relevant: torque of what stays
     unexplained, as a share of the command's rms, below which it is put down to integrators and inexact laws; a further
-    effect needs half of that. inexact: share of what was explained above which no such excuse holds, unless
-    the torque stays below `seen`: rounding is not quite noise.
+    effect needs half of that, or all beside one in which small causes grow. inexact: share of what was explained above
+    which no such excuse holds, unless the torque stays below `seen`: rounding is not quite noise.
     """
 
     threshold: float = 12.0
@@ -522,7 +522,8 @@ def choose(
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
         plain = not may_repair(scored, accepted, settings) or scored.decrease > settings.inexact * explained
-        if share >= (settings.material if plain else 0.5 * settings.relevant):
+        rough = any(item.effect.scatters and item.joint == hypothesis.joint for item in accepted)
+        if share >= (settings.material if plain else (1.0 if rough else 0.5) * settings.relevant):
             rivals = tuple(
                 s
                 for s in ranked

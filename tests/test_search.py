@@ -18,6 +18,7 @@ from diagnosis.engine import (
     find,
     firm_ground_first,
     is_steady,
+    materiality,
     may_repair,
     merged,
     merged_afterwards,
@@ -608,12 +609,16 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     nominal = fit_nominal(problem, (JointStructure(),))
     offset = accepted(problem, nominal, "amplifier_offset", [2e-3]).scored
     explained = 50.0 * offset.decrease
-    there = lambda joint, variable: SimpleNamespace(  # noqa: E731
-        joint=joint, effect=SimpleNamespace(variable=variable)
+    there = lambda joint, variable, scatters=False: SimpleNamespace(  # noqa: E731
+        joint=joint, effect=SimpleNamespace(variable=variable, scatters=scatters)
     )
     pick = lambda *items: choose(problem, [offset], Settings(), explained, items)  # noqa: E731
     assert pick(there(0, "velocity")) is None
     assert pick(there(1, "velocity")) is not None
+    share = materiality(problem, offset.fitted, "amplifier_offset", 0)
+    limits = Settings(relevant=1.5 * share)
+    assert choose(problem, [offset], limits, explained, (there(0, "velocity"),)) is not None
+    assert choose(problem, [offset], limits, explained, (there(0, "direction", True),)) is None
     wave = replace(offset, start=replace(offset.start, hypothesis=Hypothesis(NAMED["cogging_torque"], 0)))
     assert may_repair(wave, (there(0, "position"),), Settings())  # type: ignore[arg-type]
     assert not may_repair(wave, (there(0, "motor torque"),), Settings())  # type: ignore[arg-type]

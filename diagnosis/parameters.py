@@ -138,10 +138,20 @@ CANONICAL: dict[str, Canonical] = {
 """Effects whose canonical parameters are not those of the model; all others keep theirs."""
 
 
+SHAPES = ("rounding", "exponent")
+"""Parameters that shape a law, beside its canonical ones."""
+
+
 def canonical(effect: Effect) -> Canonical:
     """The change of variables of an effect; the identity unless `CANONICAL` holds another."""
     own = Canonical({p.name: p.dimension for p in effect.parameters}, lambda p: p)
-    return CANONICAL.get(effect.label, own)
+    found = CANONICAL.get(effect.label, own)
+    further = {p.name: p.dimension for p in effect.parameters if p.name in SHAPES and p.name not in found.dimensions}
+    if not further:
+        return found
+    return Canonical(
+        {**found.dimensions, **further}, lambda p: {**found.change(p), **{name: p[name] for name in further}}
+    )
 
 
 def units(dimension: str, joint: JointUnits) -> tuple[str, str, float | None]:

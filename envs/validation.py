@@ -17,6 +17,12 @@ MINIMUM_SAMPLES = 16
 SLOWEST_INTERVAL = 0.5
 #: Range [rad] of a motion back and forth that no joint makes (two turns): degrees, millimetres or counts.
 WIDEST_SWING = 4.0 * math.pi
+#: Counts per turn up to which a step read off a file tells whether they are whole, and those of finer encoders.
+COUNTED = 2e4
+USUAL_COUNTS = (
+    *(2.0**k for k in range(14, 33)),
+    *(m * 10.0**k for k in range(4, 9) for m in (1.0, 2.0, 2.5, 4.0, 5.0)),
+)
 #: Ratios of velocity units that are mistaken for one another: deg/s, rpm and 1/1000.
 VELOCITY_FACTORS = {"deg/s": 180.0 / math.pi, "rpm": 30.0 / math.pi, "mrad/s or mm/s": 1000.0, "turn/s": 0.5 / math.pi}
 
@@ -215,8 +221,15 @@ def counts_radians(position: Array) -> bool:
     step = quantisation_step(position)
     if step is None:
         return False
-    radians, degrees = (abs(turn / step - round(turn / step)) < 0.01 for turn in (2.0 * math.pi, 360.0))
-    return radians and not degrees
+    return is_counted(2.0 * math.pi / step) and not is_counted(360.0 / step)
+
+
+def is_counted(counts: float) -> bool:
+    """Whether an encoder may have so many counts per turn: a whole number, or where the step is not known as exactly as
+    that takes, one that encoders do have."""
+    if counts < COUNTED:
+        return abs(counts - round(counts)) < 0.01
+    return any(abs(counts / usual - 1.0) < 1e-6 for usual in USUAL_COUNTS)
 
 
 def check_wrap(position: Array, name: str, log: Log, names: Names) -> None:

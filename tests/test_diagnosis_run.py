@@ -346,8 +346,15 @@ def test_canonical_parameters() -> None:
     np.testing.assert_allclose(
         wave["torque"] * np.sin(angle + wave["phase"]), 0.3 * np.sin(angle) + 0.4 * np.cos(angle), atol=1e-12
     )
-    static = canonical(known["stribeck_friction"]).change({"torque": 0.3, "excess": 0.2, "velocity": 0.1})
+    static = canonical(known["stribeck_friction"]).change(
+        {"torque": 0.3, "excess": 0.2, "velocity": 0.1, "exponent": 2.0}
+    )
     assert static["static_torque"] == pytest.approx(0.5)
+    blended = canonical(known["rounded_stribeck_friction"])
+    values = {"torque": 0.3, "excess": 0.2, "velocity": 0.1, "exponent": 2.0, "rounding": 0.01}
+    assert blended.change(values) == pytest.approx({**static, "exponent": 2.0, "rounding": 0.01})
+    assert list(blended.dimensions) == ["torque", "static_torque", "velocity", "exponent", "rounding"]
+    assert canonical(known["backlash_power"]).dimensions["exponent"] == "ratio"
     spring = canonical(known["cable_spring"]).change({"stiffness": 0.5, "pull": 0.1})
     assert spring["rest_angle"] == pytest.approx(0.2)
 

@@ -143,11 +143,12 @@ def test_bad_recordings(name: str, tmp_path: Path) -> None:
         assert caught.value.row == row
 
 
+@pytest.mark.parametrize("counts", [4096, 2**16])
 @pytest.mark.parametrize(("turn", "sound"), [(2.0 * math.pi, True), (360.0, False)])
-def test_counts_per_turn_tell_radians_from_degrees(turn: float, sound: bool, tmp_path: Path) -> None:
+def test_counts_per_turn_tell_radians_from_degrees(turn: float, sound: bool, counts: int, tmp_path: Path) -> None:
     columns = swing()
     del columns["dq1"]
-    columns["q1"] = turn / 4096 * np.round(columns["q1"] * 40.0 / np.ptp(columns["q1"]) / (turn / 4096))
+    columns["q1"] = turn / counts * np.round(columns["q1"] * 40.0 / np.ptp(columns["q1"]) / (turn / counts))
     path = write(tmp_path / "log.csv", columns)
     if sound:
         assert np.ptp(load(path).position) == pytest.approx(40.0, abs=0.1)

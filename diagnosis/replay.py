@@ -164,7 +164,7 @@ def begun(
     command = problem.command[own]
     signals = (problem.time[own], command, problem.cumulative[own], problem.hold, reading[own], near)
     states = np.zeros((n, 7))
-    problem.kernel.module.begin(point.starts[log], command[0], states)
+    problem.kernel.module.begin(point.starts[log], command[0], states, point.parameters[log], point.switches)
     return signals, (point.parameters[log], point.switches, problem.pair, point.rigid), (states, np.zeros(n))
 
 

@@ -176,14 +176,20 @@ def build(effects: Sequence[Effect]) -> Kernel:
     return Kernel(tuple(effects))
 
 
+def slot_of(effect: Effect) -> str:
+    """The place of an effect's function in the template: torques of the arm's position act behind the transmission."""
+    return "arm" if (effect.slot, effect.stage, effect.variable) == ("torque", "arm", "position") else effect.slot
+
+
 def _source(kernel: Kernel) -> str:
     """Source text of the kernel: the effects' functions, then the template with one guarded call per effect."""
     functions: list[str] = []
-    calls: dict[str, list[str]] = {"command": [], "gain": [], "torque": [], "friction": [], "sensor": []}
+    calls: dict[str, list[str]] = {"command": [], "gain": [], "torque": [], "arm": [], "friction": [], "sensor": []}
     call = {
         "command": "u = {f}(u, t, q, dq, w, p[{o}:{e}])",
         "gain": "g *= {f}(t, q, dq, w, p[{o}:{e}])",
         "torque": "r += {f}(t, q, dq, w, x, p[{o}:{e}])",
+        "arm": "r += {f}(t, q, dq, w, x, p[{o}:{e}])",
         "friction": "level += {f}(t, q, dq, w, p[{o}:{e}])",
         "sensor": "y += {f}(q, p[{o}:{e}])",
     }
@@ -196,11 +202,11 @@ def _source(kernel: Kernel) -> str:
         text = text.replace(f"def {effect.function.__name__}(", f"def {name}(", 1)
         functions.append("@njit(cache=True, inline='always', error_model='numpy')\n" + text)
         start = kernel.offsets[effect.name]
-        line = call[effect.slot].format(f=name, o=start, e=start + effect.size)
-        calls[effect.slot].append(f"    if on[{column}]:\n        {line}")
+        line = call[slot_of(effect)].format(f=name, o=start, e=start + effect.size)
+        calls[slot_of(effect)].append(f"    if on[{column}]:\n        {line}")
     template = _TEMPLATE
     for slot, lines in calls.items():
-        columns = [c for c, effect in enumerate(kernel.effects) if effect.slot == slot]
+        columns = [c for c, effect in enumerate(kernel.effects) if slot_of(effect) == slot]
         template = template.replace(f"    #{slot}#", "\n".join(lines) or "    pass")
         template = template.replace(f"#any_{slot}#", " or ".join(f"on[{c}]" for c in columns) or "False")
     for symbol, array, count in (
@@ -227,6 +233,7 @@ _TEMPLATE = '''
 INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
 TIMING, STEPPING, ARM = range(9, 12)
 Q, DQ, W, A, HEAT, QL, DQL = range(7)
+SMALL = 1e-3  # share of the inertia behind a spring or a play from which the weight of the arm hangs on it
 
 
 @njit(cache=True, inline='always', error_model='numpy')
@@ -246,6 +253,13 @@ def _gain(t, q, dq, w, p, on):
 def _torque(t, q, dq, w, x, p, on):
     r = 0.0
     #torque#
+    return r
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _arm_effects(t, q, dq, w, x, p, on):
+    r = 0.0
+    #arm#
     return r
 
 
@@ -310,14 +324,25 @@ def _present(on, has):
     """Which slots have any effect: command, gain, torque, friction."""
     has[0] = #any_command#
     has[1] = #any_gain#
-    has[2] = #any_torque#
+    has[2] = #any_torque# or #any_arm#
     has[3] = #any_friction#
 
 
 @njit(cache=True, inline='always', error_model='numpy')
-def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
+def _on_arm(t, q, dq, w, x, p, on, any_effect, coupled):
+    """Torque by which the position of the arm resists: its weight, springs to the world."""
+    arm = p[LOAD]
+    if any_effect:
+        arm += _arm_effects(t, q, dq, w, x, p, on)
+    if (p[GRAVITY_SINE] != 0.0 or p[GRAVITY_COSINE] != 0.0) and not coupled:
+        arm += p[GRAVITY_SINE] * math.sin(q) + p[GRAVITY_COSINE] * math.cos(q)
+    return arm
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _chain(t, q, dq, w, heat, arm, u, x, p, on, has, load):
     """Motor and torques of one joint: (w, w', heat', torque on the inertia without dry friction, level of dry
-    friction)."""
+    friction). arm: torque on the arm, where no spring or play is in between."""
     resistance, heating, constant = 1.0, 0.0, 1.0
     if RIPPLE >= 0 and on[RIPPLE]:
         constant += p[RIPPLE_P] * math.sin(p[RIPPLE_P + 2] * q) + p[RIPPLE_P + 1] * math.cos(p[RIPPLE_P + 2] * q)
@@ -344,11 +369,9 @@ def _chain(t, q, dq, w, heat, q_arm, u, x, p, on, has, load, coupled):
     r *= constant
     if has[1]:
         r *= _gain(t, q, dq, w, p, on)
-    r -= p[VISCOUS] * dq + p[LOAD] + load
+    r -= p[VISCOUS] * dq + arm + load
     if has[2]:
         r -= _torque(t, q, dq, w, x, p, on)
-    if (p[GRAVITY_SINE] != 0.0 or p[GRAVITY_COSINE] != 0.0) and not coupled:
-        r -= p[GRAVITY_SINE] * math.sin(q_arm) + p[GRAVITY_COSINE] * math.cos(q_arm)
     if YIELD >= 0 and on[YIELD]:
         wanted = p[YIELD_P + 2] * (r + p[INERTIA] * dq / p[YIELD_P + 1])
         r -= min(max(wanted, -p[YIELD_P]), p[YIELD_P])
@@ -440,15 +463,16 @@ def _planar(t, q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, first, second, on1, o
 
 
 @njit(cache=True, inline='always', error_model='numpy')
-def _joined(t, q, dq, ql, dql, rhs, p, on):
-    """Accelerations of motor side and load side under the net torque rhs: (q'', q_l'', torque between the sides)."""
+def _joined(t, q, dq, ql, dql, rhs, arm, p, on):
+    """Accelerations of motor side and load side, the net torque rhs on the former and `arm` against the latter: (q'',
+    q_l'', torque between the sides)."""
     inertia = p[INERTIA] + _payload(t, p, on)
     if _flexible(on):
         first = FLEX_LOAD_P if FLEX_LOAD >= 0 and on[FLEX_LOAD] else FLEX_P
         share, omega = p[first], 2.0 * math.pi * p[first + 1]
         al = omega * (omega * (q - ql) + 2.0 * p[first + 2] * (dq - dql))
         F = inertia * share * al
-        return (rhs - F) / (inertia * (1.0 - share)), al, F
+        return (rhs - F) / (inertia * (1.0 - share)), al - arm / (inertia * max(share, SMALL)), F
     if _playing(on):
         first = _play_column(on)
         d = q - ql
@@ -463,9 +487,32 @@ def _joined(t, q, dq, ql, dql, rhs, p, on):
             if al * d < 0.0:
                 al = 0.0
         F = inertia * share * al
-        return (rhs - F) / (inertia * (1.0 - share)), al, F
+        return (rhs - F) / (inertia * (1.0 - share)), al - arm / (inertia * max(share, SMALL)), F
     a = rhs * p[MOBILITY] if inertia == p[INERTIA] else rhs / inertia
     return a, a, 0.0
+
+
+@njit(cache=True, inline='always', error_model='numpy')
+def _sides(q, p, on):
+    """Angles of motor and load at the beginning, that of the encoder's side given: the arm hangs in its spring or leans
+    to one side of its play."""
+    if not (_flexible(on) or _playing(on)):
+        return q, q
+    arm = _on_arm(0.0, q, 0.0, 0.0, (0.0, 0.0, 0.0), p, on, True, False)
+    first = _play_column(on)
+    if _flexible(on):
+        first = (FLEX_LOAD_P if FLEX_LOAD >= 0 and on[FLEX_LOAD] else FLEX_P) - 1
+    stiffness = p[INERTIA] * max(p[first + 1], SMALL) * (2.0 * math.pi * p[first + 2]) ** 2
+    twist = arm / max(stiffness, 1e-300)
+    if _playing(on):
+        half = 0.5 * p[first]
+        if PLAY_POWER >= 0 and on[PLAY_POWER]:
+            half = max(half, 1e-300)
+            twist = math.copysign(half * (abs(twist) / half) ** (1.0 / p[first + 4]), twist)
+        if arm != 0.0:
+            twist += math.copysign(half, arm)
+    twist = min(max(twist, -1.0), 1.0)
+    return (q + twist, q) if _load_side(on) else (q, q - twist)
 
 
 @njit(cache=True, inline='always', error_model='numpy')
@@ -474,18 +521,17 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
     for j in range(n):
         p = P[j]
         q, dq = S[j, Q], S[j, DQ]
-        split = _flexible(on[j]) or _playing(on[j])
+        split = (_flexible(on[j]) or _playing(on[j])) and not (pair and j < 2)
+        arm = _on_arm(t, S[j, QL] if split else q, dq, S[j, W], x[j], p, on[j], has[j, 2], pair and j < 2)
         w, D[j, W], D[j, HEAT], r, level[j] = _chain(
-            t, q, dq, S[j, W], S[j, HEAT], S[j, QL] if split else q, u[j], x[j], p, on[j], has[j],
-            bristle[j] + extra[j], pair and j < 2)
+            t, q, dq, S[j, W], S[j, HEAT], 0.0 if split else arm, u[j], x[j], p, on[j], has[j], bristle[j] + extra[j])
         S[j, W] = w
         rhs[j] = r - sign[j] * level[j]
         D[j, Q] = dq
         D[j, QL] = S[j, DQL]
-    for j in range(n):
         if pair and j < 2:
             continue
-        D[j, DQ], D[j, DQL], F = _joined(t, S[j, Q], S[j, DQ], S[j, QL], S[j, DQL], rhs[j], P[j], on[j])
+        D[j, DQ], D[j, DQL], F = _joined(t, q, dq, S[j, QL], S[j, DQL], rhs[j], arm, p, on[j])
         rhs[j] -= F
         if stuck[j]:
             D[j, DQ] = 0.0
@@ -645,16 +691,17 @@ def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak,
     """Simulate one log. y (T, n) readings; out (T, n) prediction errors; motion (T, n, 3): q, dq, w (or empty)."""
     T, n = u.shape
     S = np.zeros((n, 7)); z = np.zeros(n)
-    begin(start, u[0], S)
+    begin(start, u[0], S, P, on)
     advance(0, T, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak, substeps, out,
     motion)
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def begin(start, u, S):
+def begin(start, u, S, P, on):
     """States S (n, 7) at the beginning of a log: start (n, 3) angle, velocity, motor torque; command u (n,)."""
     for j in range(len(u)):
-        S[j, Q] = start[j, 0]; S[j, DQ] = start[j, 1]; S[j, QL] = start[j, 0]; S[j, DQL] = start[j, 1]
+        S[j, Q], S[j, QL] = _sides(start[j, 0], P[j], on[j])
+        S[j, DQ] = start[j, 1]; S[j, DQL] = start[j, 1]
         S[j, A] = u[j]
         S[j, W] = start[j, 2]
 
@@ -817,9 +864,10 @@ def compensated(networks, first, last, t, u, cumulative, hold, y, x, extra, S, z
 def _rates_one(t, q, dq, w, heat, ql, dql, u, x, sign, stuck, p, on, has, load):
     """Scalar twin of _rates for one joint: (w, w', heat', q'', q_l'', torque less dry friction, level)."""
     split = _flexible(on) or _playing(on)
-    w, change, heating, r, level = _chain(t, q, dq, w, heat, ql if split else q, u, x, p, on, has, load, False)
+    arm = _on_arm(t, ql if split else q, dq, w, x, p, on, has[2], False)
+    w, change, heating, r, level = _chain(t, q, dq, w, heat, 0.0 if split else arm, u, x, p, on, has, load)
     rhs = r - sign * level
-    a, al, F = _joined(t, q, dq, ql, dql, rhs, p, on)
+    a, al, F = _joined(t, q, dq, ql, dql, rhs, arm, p, on)
     if stuck:
         a = 0.0
     return w, change, heating, a, al, rhs - F, level
@@ -840,7 +888,8 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
     # numbers instead of arrays: the compiler keeps them at hand, and no view has to be made in the loop
     p, on = #parameters#, #switches#
     has = (slots[0], slots[1], slots[2], slots[3])
-    q, dq, w, lag, heat, ql, dql, z = start[0], start[1], start[2], u[0], 0.0, start[0], start[1], 0.0
+    q, ql = _sides(start[0], p, on)
+    dq, w, lag, heat, dql, z = start[1], start[2], u[0], 0.0, start[1], 0.0
     split = _flexible(on) or _playing(on)
     with_x, with_extra = x.shape[0] == T, extra_in.shape[0] == T
     t0, before, pull = t[0], 0.0, 0.0
@@ -954,8 +1003,10 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
 def _rates_two(t, q1, d1, w1, heat1, q2, d2, w2, heat2, v1, v2, x1, x2, sign1, sign2, stuck1, stuck2, p1, p2, on1, on2,
                has1, has2, load1, load2, p3, s, shared):
     """Scalar twin of _rates for a planar pair: per joint w, w', heat', q'', torque less dry friction, level."""
-    w1, change1, heating1, r1, level1 = _chain(t, q1, d1, w1, heat1, q1, v1, x1, p1, on1, has1, load1, True)
-    w2, change2, heating2, r2, level2 = _chain(t, q2, d2, w2, heat2, q2, v2, x2, p2, on2, has2, load2, True)
+    arm1 = _on_arm(t, q1, d1, w1, x1, p1, on1, has1[2], True)
+    arm2 = _on_arm(t, q2, d2, w2, x2, p2, on2, has2[2], True)
+    w1, change1, heating1, r1, level1 = _chain(t, q1, d1, w1, heat1, arm1, v1, x1, p1, on1, has1, load1)
+    w2, change2, heating2, r2, level2 = _chain(t, q2, d2, w2, heat2, arm2, v2, x2, p2, on2, has2, load2)
     a1, a2, rhs1, rhs2 = _planar(t, q1, d1, q2, d2, r1 - sign1 * level1, r2 - sign2 * level2, stuck1, stuck2, p1, p2,
                                  on1, on2, p3, s, shared)
     return w1, change1, heating1, a1, rhs1, level1, w2, change2, heating2, a2, rhs2, level2

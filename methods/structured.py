@@ -331,7 +331,7 @@ class Session:
             start[:, 2] = self.command[0] - parameters[:, NOMINAL.index("back_emf")] * velocity
             if acceleration is not None:
                 start[:, 2] = self._torque(start, acceleration)
-        self.model.kernel.module.begin(start, self.command[0], self.states)
+        self.model.kernel.module.begin(start, self.command[0], self.states, *self.model.arrays[:2])
 
     def _torque(self, start: Array, acceleration: Array) -> Array:
         """Motor torques (n,) under which the joints, in motion from `start`, accelerate as given; one Newton step.
@@ -352,7 +352,7 @@ class Session:
 
         def accelerations(torque: Array) -> Array:
             states, rates = np.zeros((n, 7)), np.zeros((n, 7))
-            module.begin(np.column_stack((start[:, :2], torque)), self.command[0], states)
+            module.begin(np.column_stack((start[:, :2], torque)), self.command[0], states, parameters, switches)
             module._rates(
                 0.0, states, rates, self.command[0], near, sign, still, n, parameters, switches, present, pair, rigid,
                 np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),

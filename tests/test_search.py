@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from diagnosis.engine import (
     Accepted,
@@ -788,3 +789,35 @@ def test_a_fit_that_ends_at_a_limit_begins_again_inside() -> None:
     assert again.point.value("joint_flexibility.inertia_ratio@0") < 0.9
     assert again.criterion < fitted.criterion
     assert off_limits(problem, again, hypothesis) is again
+
+
+@pytest.mark.parametrize("name", ["joint_flexibility", "backlash"])
+def test_the_weight_of_the_arm_hangs_behind_the_transmission(name: str) -> None:
+    """Against the equations of two inertias, the arm's under gravity, solved apart; it begins in its spring, or leaning
+    to one side of its play."""
+    inertia, share, frequency, ratio, weight, gap = 0.07, 0.4, 6.0, 0.05, 0.5, 0.02 * (name == "backlash")
+    load, angular = share * inertia, 2.0 * np.pi * frequency
+    stiffness, damping = load * angular**2, 2.0 * ratio * load * angular
+    parameters = {"frequency": frequency, "damping_ratio": ratio, "inertia_ratio": share}
+    parameters |= {"gap": gap} if gap else {}
+    nominal = {"inertia": inertia, "viscous": 0.3, "back_emf": 0.0, "electrical_time_constant": 0.0}
+    effects = {name: parameters, "gravity_tilt": {"sine": weight, "cosine": 0.0}}
+    model = StructuredModel((StructuredJoint(1, "torque", nominal, effects),), DT, None, EFFECTS)
+    time, begin = DT * np.arange(700), 0.8
+    command = weight * np.sin(begin) + 0.3 * np.sin(9.0 * time)
+    found = model.simulate(time, command[:, None], State.at_rest(begin)).position[:, 0]
+
+    def rates(t: float, state: Array) -> list[float]:
+        twist = state[0] - state[2]
+        beyond = twist - np.clip(twist, -gap / 2.0, gap / 2.0)
+        between = stiffness * beyond + damping * (state[1] - state[3]) * (abs(beyond) > 0.0)
+        between = max(between * np.sign(twist), 0.0) * np.sign(twist) if gap else between
+        drive = command[min(int(t / DT + 1e-9), len(command) - 1)]
+        motor = (drive - 0.3 * state[1] - between) / (inertia - load)
+        return [state[1], motor, state[3], (between - weight * np.sin(state[2])) / load]
+
+    hanging = begin - gap / 2.0 - weight * np.sin(begin) / stiffness
+    solved = solve_ivp(rates, (0.0, time[-1]), [begin, 0.0, hanging, 0.0], t_eval=time, max_step=2e-4, rtol=1e-8)
+    away = found - solved.y[0]
+    assert np.std(away[:100]) < 0.02 * np.std(found[:100])
+    assert np.std(away) < 0.02 * np.std(found)

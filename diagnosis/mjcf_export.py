@@ -377,7 +377,6 @@ _ELEMENTS: dict[str, Callable[[_Joint, Values], bool]] = {
     "gravity_tilt": _tilt,
     "cogging_torque": _cogging,
     "thermal_drift": _heat,
-    "thermal_drift_copper": _heat,
     "joint_flexibility": _flexible,
     "backlash": _play,
     "input_delay": _delay,

@@ -97,7 +97,9 @@ def table(diagnosis: Diagnosis, width: int = 100) -> str:
     console = Console(file=page, width=width, highlight=False, force_terminal=False)
     console.print(diagnosis.sentence, markup=False)
     if diagnosis.effects:
-        grid = Table(title="named effects", title_justify="left", box=None)
+        sure = any(joint.effects and joint.verdict != "unknown" for joint in diagnosis.joints)
+        heading = "named effects" if sure else "effects that explain a part"
+        grid = Table(title=heading, title_justify="left", box=None)
         for head in ("joint", "effect", "parameters", "evidence", "alternatives"):
             grid.add_column(head)
         for effect in diagnosis.effects:

@@ -208,7 +208,10 @@ def test_every_verdict_is_a_readable_page(verdict: str) -> None:
     assert " ".join(diagnosis.sentence.split()) in page.text
     for heading in ("The gap", "What the logs show", "Ledger", "What stays unexplained", "The next experiment"):
         assert heading in page.text
-    assert ("The cause" in page.text) == bool(diagnosis.effects)
+    sure = diagnosis.verdict != "unknown"
+    assert ("The cause" in page.text) == (bool(diagnosis.effects) and sure)
+    assert ("What explains a part of it" in page.text) == (bool(diagnosis.effects) and not sure)
+    assert ("the noise floor is that of the encoder alone" in page.text) == (bool(diagnosis.joints) and not sure)
     assert "None" not in page.text
     assert not re.search(r"\bnan\b", page.text)
 

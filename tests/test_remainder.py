@@ -90,13 +90,23 @@ def test_that_no_model_can_follow_is_said(play: tuple[Problem, Fitted, Remainder
     assert said(0.0) == ""
 
 
-@pytest.mark.parametrize("stiffness", [0.17, 0.25, 0.5])
-def test_a_missing_effect_is_no_noise(play: tuple[Problem, Fitted, Remainder], stiffness: float) -> None:
-    """It depends on the motion by more than noise does, or is a torque as no amplifier's noise."""
+def without_its_cable(stiffness: float) -> Remainder:
+    """What a play leaves of a joint that a cable pulls as well."""
     problem = problem_of(PLAY | {"cable_spring": {"stiffness": stiffness, "pull": 0.0}})
-    left, noise = remainder(problem, fitted_with(problem, PLAY), 0), Settings().disturbance
-    assert left.excess > 3.0 * left.scattered or left.disturbance_share > noise
-    assert play[2].disturbance_share < noise
+    return remainder(problem, fitted_with(problem, PLAY), 0)
+
+
+@pytest.mark.parametrize("stiffness", [0.25, 0.35])
+def test_a_missing_effect_is_no_noise(stiffness: float) -> None:
+    left = without_its_cable(stiffness)
+    assert left.excess > 5.0 * left.scattered
+
+
+def test_where_a_fit_stops_short_a_missing_effect_is_a_torque_as_no_amplifier_has(
+    play: tuple[Problem, Fitted, Remainder],
+) -> None:
+    assert play[2].disturbance_share < Settings().disturbance
+    assert without_its_cable(0.5).disturbance_share > 2.0 * Settings().disturbance
 
 
 def test_a_missing_effect_explains_more_than_noise_lets_others_explain() -> None:

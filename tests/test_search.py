@@ -639,11 +639,11 @@ def test_the_floor_by_imitation_is_that_of_the_noise_and_of_what_short_logs_leav
     assert imitated_floor(held_out, fitted, 1e4 * fitted.covariance, point, 1.0)[0] > 2.0 * certain
 
 
-def jittering(rms: float, speed: float = 1.0) -> Problem:
-    """A motion whose readings are taken at instants with that error, at a multiple of the usual speed."""
+def jittering(rms: float) -> Problem:
+    """A motion whose readings are taken at instants with that error."""
     log = record({})
     late = rms * np.random.default_rng(4).standard_normal(len(log))
-    motion = np.interp(speed * (log.time + late), log.time, log.position[:, 0])[:, None]
+    motion = np.interp(log.time + late, log.time, log.position[:, 0])[:, None]
     return stack(KERNEL, [replace(log, position=STEP * np.round(motion / STEP))], (1,))
 
 
@@ -664,10 +664,9 @@ def test_jitter_makes_more_noise_where_the_joint_moves_faster() -> None:
     fitted = fit_nominal(problem, (JointStructure(),))
     item = accepted(problem, fitted, "timestamp_jitter", [rms])
     finding = SimpleNamespace(accepted=(item,), final=item.scored.fitted)
-    same = faster(problem, problem, finding, 0)  # type: ignore[arg-type]
     slow = replace(problem, command=0.5 * problem.command, reading=0.5 * problem.reading)
     velocity = np.std(np.diff(record({}).position[:, 0])) / DT
-    assert same == pytest.approx(0.0, abs=1e-12)
+    assert faster(problem, problem, finding, 0) == pytest.approx(0.0, abs=1e-12)  # type: ignore[arg-type]
     assert faster(slow, problem, finding, 0) == pytest.approx(0.75 * (rms * velocity) ** 2, rel=0.1)  # type: ignore[arg-type]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,10 @@ CLOSE = 0.07
 """Relative distance of these lengths."""
 LENGTHS = 40
 """How many of them count as searched."""
+AT_ONCE = 16
+"""Hypotheses that are simulated at once."""
+MEMORY = 4_000_000
+"""Prediction errors of all of them that are kept at a time, about."""
 PER_LOG = {"periodic_disturbance": (0, 1)}
 """Parameters that may differ from log to log: the phase of a disturbance has no reason to restart with a recording."""
 
@@ -54,6 +59,12 @@ class Hypothesis:
     @property
     def key(self) -> str:
         return f"{self.effect.name}@{self.joint}" + (f"#{self.log}" if self.log >= 0 else "")
+
+
+Job = tuple[Hypothesis, Array, int]
+"""A hypothesis, the values (L, size) to begin from, and how many were searched for them."""
+Slot = tuple[int, list[int]]
+"""An amplitude's place among the parameters, and the logs it is for (-1: all)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +153,7 @@ def proposals(
     prediction error is exact, friction and coupling included. look: part of the samples, with the same views, on which
     effects are regressed that are the same in every stretch of the motion.
     """
-    jobs: list[tuple[Hypothesis, Array, int]] = []
+    jobs: list[Job] = []
     for effect, joint in candidates:
         if effect.scan is not None:
             for view in views:
@@ -152,14 +163,13 @@ def proposals(
             shapes = len({tuple(v[i] for i in effect.shapes) for v in every})
             jobs += [(Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), shapes) for v in every]
     found: list[dict[str, list[Start]]] = [{} for _ in views]
-    proposed = each(
-        lambda job: (
-            _regress(problem, views, *job)
-            if look is None or not can_be_glanced_at(job[0].effect)
-            else _regress_at_a_glance(problem, views[0].fitted, look, *job)
-        ),
-        jobs,
-    )
+    if look is None:
+        proposed = _regressions(problem, views, jobs)
+    else:
+        brief = [can_be_glanced_at(hypothesis.effect) for hypothesis, _, _ in jobs]
+        short = iter(_regressions_at_a_glance(problem, views[0].fitted, look, list(compress(jobs, brief))))
+        long = iter(_regressions(problem, views, [job for job, own in zip(jobs, brief, strict=True) if not own]))
+        proposed = [next(short if own else long) for own in brief]
     for (hypothesis, _, _), starts in zip(jobs, proposed, strict=True):
         # an event in all logs and one in a single log are told apart by a fit only
         key = f"{hypothesis.effect.name}@{hypothesis.joint}" + ("#" if hypothesis.log >= 0 else "")
@@ -187,26 +197,43 @@ def _other_shape(effect: Effect, one: Array, other: Array) -> bool:
     return any(ratio)
 
 
-def _regress(
-    problem: Problem,
-    views: Sequence[View],
-    hypothesis: Hypothesis,
-    values: Array,
-    searched: int,
-) -> list[Start]:
-    """The start that each view proposes, amplitudes scaled by linear regression."""
-    effect, base = hypothesis.effect, views[0].fitted
+def _regressions(problem: Problem, views: Sequence[View], jobs: Sequence[Job]) -> list[list[Start]]:
+    """The start that each view proposes for each of the jobs; so many at a time are simulated at once."""
+    point, size = views[0].fitted.point, len(problem.time) * problem.joints
+    found: list[list[Start]] = []
+    count = max(2, min(AT_ONCE, MEMORY // size))
+    for part in (jobs[first : first + count] for first in range(0, len(jobs), count)):
+        trials = [_trials(problem, point, *job) for job in part]
+        outcomes = iter(errors(problem, [trial for own, _ in trials for trial in own]))
+        simulated = [np.stack([next(outcomes) for _ in own]) for own, _ in trials]
+        parts = list(zip(part, (slots for _, slots in trials), simulated, strict=True))
+        found += each(lambda item: _regress(problem, views, *item), parts)
+    return found
+
+
+def _trials(
+    problem: Problem, point: Point, hypothesis: Hypothesis, values: Array, _searched: int
+) -> tuple[list[Point], list[Slot]]:
+    """The model with each amplitude of an effect alone, and which amplitude that is, in which logs."""
+    effect = hypothesis.effect
     trials, slots = [], []
     for a in effect.amplitudes or (-1,):
         single = values.copy()
         for other in effect.amplitudes:
             if other != a:
                 single[:, other] = 0.0
-        trials.append(extend(problem, base.point, hypothesis, single))
+        trials.append(extend(problem, point, hypothesis, single))
         slots.append((a, list(range(problem.logs)) if a in PER_LOG.get(effect.name, ()) else [hypothesis.log]))
-    difference = errors(problem, trials) - base.error
-    if not problem.credible(base.error + difference[0]):
+    return trials, slots
+
+
+def _regress(problem: Problem, views: Sequence[View], job: Job, slots: Sequence[Slot], simulated: Array) -> list[Start]:
+    """The start that each view proposes, amplitudes scaled by linear regression; simulated: errors (A, T, n)."""
+    hypothesis, values, searched = job
+    effect, base = hypothesis.effect, views[0].fitted
+    if not problem.credible(simulated[0]):
         return [Start(hypothesis, values, -np.inf, searched) for _ in views]
+    difference = simulated - base.error
     columns, owners = [], []
     for d, (a, logs) in zip(difference, slots, strict=True):
         for log in logs:
@@ -237,16 +264,17 @@ def _regress(
     return starts
 
 
-def _regress_at_a_glance(
-    problem: Problem, base: Fitted, look: Glance, hypothesis: Hypothesis, values: Array, searched: int
-) -> list[Start]:
-    """The start that each view of the segments proposes, for all samples."""
+def _regressions_at_a_glance(problem: Problem, base: Fitted, look: Glance, jobs: Sequence[Job]) -> list[list[Start]]:
+    """The start that each view of the segments proposes for each of the jobs, for all samples."""
     found = []
-    proposed = _regress(look.problem, look.views, hypothesis, values[look.logs], searched)
-    for start, known in zip(proposed, look.known, strict=True):
-        shift = None if start.shift is None else look.shift_of(base.point, start.shift)
-        own = np.repeat(start.values[:1], problem.logs, axis=0)
-        found.append(replace(start, values=own, promise=(start.promise - known) / look.share, shift=shift))
+    parts = [(hypothesis, values[look.logs], searched) for hypothesis, values, searched in jobs]
+    for proposed in _regressions(look.problem, look.views, parts):
+        starts = []
+        for start, known in zip(proposed, look.known, strict=True):
+            shift = None if start.shift is None else look.shift_of(base.point, start.shift)
+            own = np.repeat(start.values[:1], problem.logs, axis=0)
+            starts.append(replace(start, values=own, promise=(start.promise - known) / look.share, shift=shift))
+        found.append(starts)
     return found
 
 

@@ -23,9 +23,12 @@ A winding lag that is too short for the steps (a fifth of one) acts as a delay o
 second order.
 
 Integration: fourth-order Runge-Kutta with the command over each step (hold and delay included) taken as the straight
-line that has its mean and its first moment; dry
-friction is handled by events (a joint stops inside a step, rests while the other forces stay below the friction level,
-and breaks away), bristles and the low-pass of the amplifier by their exact exponential solution.
+line that has its mean and its first moment; dry friction is handled by events (a joint stops inside a step, rests while
+the other forces stay below the friction level, and breaks away), bristles and the low-pass of the amplifier by their
+exact exponential solution.
+
+Candidates of a single joint, whatever their effects, go eight at a time in the lanes of the processor's vectors
+(`run_lanes`), to the same bits as one at a time (`run`, for any number of joints).
 """
 
 from __future__ import annotations
@@ -73,6 +76,20 @@ timing: by how much the command acts after it is logged [s], negative in the log
 read. stepping: 1 for a simulator that takes one semi-implicit Euler step per sample, friction by the sign of the
 velocity before it, else 0.
 """
+LANES = 8
+"""Candidates of a single joint that are simulated at once."""
+LANE_ROWS = (
+    *("Q", "DQ", "W", "HEAT", "QL", "DQL", "Z", "LAG"),
+    *("QS", "DQS", "WS", "HEATS", "QLS", "DQLS", "DDQ", "DW", "DHEAT", "DDQL"),
+    *("FIRST_Q", "FIRST_DQ", "FIRST_W", "FIRST_HEAT", "FIRST_QL", "FIRST_DQL"),
+    *("SUM_Q", "SUM_DQ", "SUM_W", "SUM_HEAT", "SUM_QL", "SUM_DQL"),
+    *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING"),
+    *("ERROR", "OUTER", "RESIST", "PLACE", "ARM", "WEIGHT", "MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
+    *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
+)
+"""Rows of the lanes' scratch, states and their rates first; those of the parameters follow."""
+STANDING = ("INERTIA", "LOAD", "GRAVITY_SINE", "GRAVITY_COSINE")
+"""Nominal parameters that lanes read where they stand among the others."""
 STRUCTURAL = {
     "amplifier_lag": "LAG",
     "input_delay": "DELAY",
@@ -165,9 +182,14 @@ class Kernel:
 
     def batch(self, *arguments: Any) -> None:
         """The generated function of the same name, its C L runs spread over all cores."""
-        bounds, parameters = arguments[7], arguments[9]
-        runs = len(parameters) * (len(bounds) - 1)
-        shares = np.linspace(0, runs, min(runs, 2 * workers()) + 1).astype(int)
+        command, bounds, parameters = arguments[1], arguments[7], arguments[9]
+        count, logs = len(parameters), len(bounds) - 1
+        if command.shape[1] == 1:
+            shares = np.linspace(0, count, -(-count // LANES) + 1).astype(int)
+            tasks = [(log, *span) for log in range(logs) for span in pairwise(shares.tolist())]
+            each(lambda task: self.module.batch_one(*arguments, *task), tasks)
+            return
+        shares = np.linspace(0, count * logs, min(count * logs, 2 * workers()) + 1).astype(int)
         each(lambda span: self.module.batch(*arguments, *span), pairwise(shares.tolist()))
 
 
@@ -181,10 +203,22 @@ def slot_of(effect: Effect) -> str:
     return "arm" if (effect.slot, effect.stage, effect.variable) == ("torque", "arm", "position") else effect.slot
 
 
+def lane_row(column: int) -> int:
+    """Where a parameter of the lanes' candidates begins in their scratch."""
+    return (len(LANE_ROWS) + column) * LANES
+
+
 def _source(kernel: Kernel) -> str:
     """Source text of the kernel: the effects' functions, then the template with one guarded call per effect."""
     functions: list[str] = []
     calls: dict[str, list[str]] = {"command": [], "gain": [], "torque": [], "arm": [], "friction": [], "sensor": []}
+    loops: dict[str, list[str]] = {"gain": [], "torque": [], "arm": [], "friction": []}
+    lanes = {
+        "gain": "S[SUM_ + l] *= {f}(S[T_ + l], S[QS_ + l], S[DQS_ + l], S[WS_ + l], {p})",
+        "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l], S[DQS_ + l], S[WS_ + l], xs, {p})",
+        "arm": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[DQS_ + l], S[WS_ + l], xs, {p})",
+        "friction": "S[LEVEL_ + l] += {f}(S[T_ + l], S[QS_ + l], S[DQS_ + l], S[WS_ + l], {p})",
+    }
     call = {
         "command": "u = {f}(u, t, q, dq, w, p[{o}:{e}])",
         "gain": "g *= {f}(t, q, dq, w, p[{o}:{e}])",
@@ -200,31 +234,52 @@ def _source(kernel: Kernel) -> str:
         name = f"_{effect.name}"
         text = inspect.getsource(effect.function)
         text = text.replace(f"def {effect.function.__name__}(", f"def {name}(", 1)
-        functions.append("@njit(cache=True, inline='always', error_model='numpy')\n" + text)
+        text = text.replace("math.sin(", "_sine(").replace("math.cos(", "_cosine(")
+        functions.append("@njit(cache=True, forceinline=True, error_model='numpy')\n" + text)
         start = kernel.offsets[effect.name]
         line = call[slot_of(effect)].format(f=name, o=start, e=start + effect.size)
         calls[slot_of(effect)].append(f"    if on[{column}]:\n        {line}")
+        if slot_of(effect) in lanes:
+            own, places = f"p[l, {start}:{start + effect.size}]", range(start, start + effect.size)
+            line = lanes[slot_of(effect)].format(f=name, p=own)
+            loop = f"elif any_on[{column}]:\n            for l in range(n):\n                if on[l, {column}]:\n"
+            loop += " " * 20 + line
+            if "_sine(" in text or "_cosine(" in text:  # worth the machine code of a loop without branches
+                line = lanes[slot_of(effect)].format(
+                    f=name, p=f"({''.join(f'S[{lane_row(c)} + l], ' for c in places)})"
+                )
+                loop = (
+                    f"if all_on[{column}]:\n            for l in range(LANES):\n                {line}\n        {loop}"
+                )
+            loops[slot_of(effect)].append(loop.removeprefix("el"))
     template = _TEMPLATE
     for slot, lines in calls.items():
         columns = [c for c, effect in enumerate(kernel.effects) if slot_of(effect) == slot]
         template = template.replace(f"    #{slot}#", "\n".join(lines) or "    pass")
         template = template.replace(f"#any_{slot}#", " or ".join(f"on[{c}]" for c in columns) or "False")
+    for slot, lines in loops.items():
+        template = template.replace(f"#{slot}_lanes#", "\n        ".join(lines) or "pass")
     for symbol, array, count in (
-        ("parameters", "whole", kernel.columns + 3),
-        ("switches", "switches", len(kernel.effects)),
+        ("union", "union", len(kernel.effects)),
+        ("common", "common", len(kernel.effects)),
         *((joint, joint, kernel.columns + 3) for joint in ("first", "second")),
         *((joint, joint, len(kernel.effects)) for joint in ("first_on", "second_on")),
     ):
         values = ", ".join(f"{array}[{i}]" for i in range(count))
         template = template.replace(f"#{symbol}#", f"({values},)")
-    constants = [f"ELECTRICAL_RATE, MOBILITY, STEP = {kernel.columns}, {kernel.columns + 1}, {kernel.columns + 2}"]
+    constants = [f"{row}_ = {place} * {LANES}" for place, row in enumerate(LANE_ROWS)]
+    constants += [f"LANES, ROWS, STATES = {LANES}, {len(LANE_ROWS) + kernel.columns}, {LANE_ROWS.index('MOBILITY')}"]
+    constants += [f"{row}_ = {lane_row(NOMINAL.index(row.lower()))}" for row in STANDING]
+    constants += [f"FIRST_PARAMETER = {len(LANE_ROWS)}"]
+    constants += [f"ELECTRICAL_RATE, MOBILITY, STEP = {kernel.columns}, {kernel.columns + 1}, {kernel.columns + 2}"]
     for effect_name, symbol in STRUCTURAL.items():
         constants.append(f"{symbol} = {kernel.switches.get(effect_name, -1)}")
         constants.append(f"{symbol}_P = {kernel.offsets.get(effect_name, 0)}")
     functions.append(inspect.getsource(network_value.py_func))
     head = (
         '"""Generated from methods/kernel.py; do not edit."""\n'
-        "import math\nimport numpy as np\nfrom numba import njit\n"
+        "import math\nimport numba\nimport numpy as np\nfrom numba import njit\n"
+        "numba.config.SLP_VECTORIZE, numba.config.LOOP_VECTORIZE = 1, 0  # lanes are written out, loops do not gain\n"
     )
     return head + "\n".join(constants) + "\n\n" + "\n\n".join(functions) + "\n" + template
 
@@ -233,51 +288,90 @@ _TEMPLATE = '''
 INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
 TIMING, STEPPING, ARM = range(9, 12)
 Q, DQ, W, A, HEAT, QL, DQL = range(7)
+OTHER, LAGGING, PROMPT = range(3)  # how the motors of all lanes follow their command
+ONE_BODY, SPRING = 1, 2  # what these motors move
+LIGHT, HEAVY = 1, 2  # whether the arm's position resists, and whether by its weight
+ROUNDED = 6755399441055744.0  # 1.5 * 2^52: what is left of a number after adding and subtracting it is whole
 SMALL = 1e-3  # share of the inertia behind a spring or a play from which the weight of the arm hangs on it
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _turned(x):
+    """Sine and cosine of what an angle has beyond whole quarter turns; 1 if these are odd; 1 if two or three of them
+    lie beyond whole turns.
+
+    Arithmetic alone, so that all lanes go at once: reduction after Cody and Waite, series of the Cephes library.
+    """
+    n = (x * 0.63661977236758134308 + ROUNDED) - ROUNDED
+    r = ((x - n * 1.57079625129699707031) - n * 7.54978941586159635335e-8) - n * 5.39030285815811905290e-15
+    z = r * r
+    s = 1.58962301576546568060e-10
+    s = ((s * z - 2.50507477628578072866e-8) * z + 2.75573136213857245213e-6) * z - 1.98412698295895385996e-4
+    s = ((s * z + 8.33333333332211858878e-3) * z - 1.66666666666666307295e-1) * z * r + r
+    c = -1.13585365213876817300e-11
+    c = ((c * z + 2.08757008419747316778e-9) * z - 2.75573141792967388112e-7) * z + 2.48015872888517045348e-5
+    c = ((c * z - 1.38888888888730564116e-3) * z + 4.16666666666665929218e-2) * z * z - 0.5 * z + 1.0
+    place = n - 4.0 * ((0.25 * n - 0.375 + ROUNDED) - ROUNDED)
+    half = (0.5 * place - 0.25 + ROUNDED) - ROUNDED
+    return s, c, place - 2.0 * half, half
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _sine(x):
+    """Sine of an angle of up to 1e8 rad."""
+    s, c, odd, half = _turned(x)
+    return (1.0 - 2.0 * half) * (odd * c + (1.0 - odd) * s)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _cosine(x):
+    """Cosine of an angle of up to 1e8 rad."""
+    s, c, odd, half = _turned(x)
+    return (1.0 - 2.0 * (half + odd - 2.0 * half * odd)) * (odd * s + (1.0 - odd) * c)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _command(u, t, q, dq, w, p, on):
     #command#
     return u
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _gain(t, q, dq, w, p, on):
     g = 1.0
     #gain#
     return g
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _torque(t, q, dq, w, x, p, on):
     r = 0.0
     #torque#
     return r
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _arm_effects(t, q, dq, w, x, p, on):
     r = 0.0
     #arm#
     return r
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _friction(t, q, dq, w, p, on):
     level = 0.0
     #friction#
     return level
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _reading(q, p, on):
     y = q
     #sensor#
     return y
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _held(cumulative, u, hold, s):
     """Integral of the held command over samples, from 0 to s (in samples)."""
     last = u.shape[0] - 1
@@ -292,7 +386,7 @@ def _held(cumulative, u, hold, s):
     return cumulative[k] + u[k] * f + 0.5 * (u[k + 1] - u[k]) * f * f
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _value(u, hold, s):
     """The held command s samples after the first one."""
     k = min(max(int(math.floor(s)), 0), u.shape[0] - 1)
@@ -324,28 +418,39 @@ def _present(on, has):
     """Which slots have any effect: command, gain, torque, friction."""
     has[0] = #any_command#
     has[1] = #any_gain#
-    has[2] = #any_torque# or #any_arm#
+    has[2] = #any_torque# or _weighing(on)
     has[3] = #any_friction#
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _weighing(on):
+    """Whether any effect is a torque of the arm's position."""
+    return #any_arm#
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _sensing(on):
+    """Whether any effect is one of the sensor."""
+    return #any_sensor#
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _on_arm(t, q, dq, w, x, p, on, any_effect, coupled):
     """Torque by which the position of the arm resists: its weight, springs to the world."""
     arm = p[LOAD]
     if any_effect:
         arm += _arm_effects(t, q, dq, w, x, p, on)
     if (p[GRAVITY_SINE] != 0.0 or p[GRAVITY_COSINE] != 0.0) and not coupled:
-        arm += p[GRAVITY_SINE] * math.sin(q) + p[GRAVITY_COSINE] * math.cos(q)
+        arm += p[GRAVITY_SINE] * _sine(q) + p[GRAVITY_COSINE] * _cosine(q)
     return arm
 
 
-@njit(cache=True, inline='always', error_model='numpy')
-def _chain(t, q, dq, w, heat, arm, u, x, p, on, has, load):
-    """Motor and torques of one joint: (w, w', heat', torque on the inertia without dry friction, level of dry
-    friction). arm: torque on the arm, where no spring or play is in between."""
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _motor(q, dq, w, heat, u, p, on):
+    """Electrical side of one joint: (w, w', heat', torque before the effects on its gain)."""
     resistance, heating, constant = 1.0, 0.0, 1.0
     if RIPPLE >= 0 and on[RIPPLE]:
-        constant += p[RIPPLE_P] * math.sin(p[RIPPLE_P + 2] * q) + p[RIPPLE_P + 1] * math.cos(p[RIPPLE_P + 2] * q)
+        constant += p[RIPPLE_P] * _sine(p[RIPPLE_P + 2] * q) + p[RIPPLE_P + 1] * _cosine(p[RIPPLE_P + 2] * q)
     emf = constant * p[BACK_EMF] * dq
     if _warming(on):
         resistance += heat
@@ -366,32 +471,46 @@ def _chain(t, q, dq, w, heat, arm, u, x, p, on, has, load):
     r = w
     if p[LIMIT] > 0.0:
         r = min(max(w, -p[LIMIT]), p[LIMIT])
-    r *= constant
+    return w, change, heating, r * constant
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _yielded(r, dq, p, on):
+    """Net torque behind a friction that gives way like a constraint."""
+    if YIELD >= 0 and on[YIELD]:
+        wanted = p[YIELD_P + 2] * (r + p[INERTIA] * dq / p[YIELD_P + 1])
+        r -= min(max(wanted, -p[YIELD_P]), p[YIELD_P])
+    return r
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _chain(t, q, dq, w, heat, arm, u, x, p, on, has, load):
+    """Motor and torques of one joint: (w, w', heat', torque on the inertia without dry friction, level of dry
+    friction). arm: torque on the arm, where no spring or play is in between."""
+    w, change, heating, r = _motor(q, dq, w, heat, u, p, on)
     if has[1]:
         r *= _gain(t, q, dq, w, p, on)
     r -= p[VISCOUS] * dq + arm + load
     if has[2]:
         r -= _torque(t, q, dq, w, x, p, on)
-    if YIELD >= 0 and on[YIELD]:
-        wanted = p[YIELD_P + 2] * (r + p[INERTIA] * dq / p[YIELD_P + 1])
-        r -= min(max(wanted, -p[YIELD_P]), p[YIELD_P])
+    r = _yielded(r, dq, p, on)
     level = _friction(t, q, dq, w, p, on) if has[3] else 0.0
     return w, change, heating, r, level
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _load_side(on):
     """Whether the encoder sits behind the spring or the play."""
     return (FLEX_LOAD >= 0 and on[FLEX_LOAD]) or (PLAY_LOAD >= 0 and on[PLAY_LOAD])
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _flexible(on):
     """Whether the transmission is a spring."""
     return (FLEX >= 0 and on[FLEX]) or (FLEX_LOAD >= 0 and on[FLEX_LOAD])
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _playing(on):
     """Whether the transmission has a play."""
     return (
@@ -399,13 +518,13 @@ def _playing(on):
     )
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _warming(on):
     """Whether the winding's resistance rises with its heat."""
     return (THERMAL >= 0 and on[THERMAL]) or (COPPER >= 0 and on[COPPER])
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _play_column(on):
     """First parameter of the play, whichever side the encoder is on."""
     if PLAY_POWER >= 0 and on[PLAY_POWER]:
@@ -413,7 +532,7 @@ def _play_column(on):
     return PLAY_LOAD_P if PLAY_LOAD >= 0 and on[PLAY_LOAD] else PLAY_P
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _payload(t, p, on):
     """Inertia that has been picked up by time t."""
     added = 0.0
@@ -424,7 +543,7 @@ def _payload(t, p, on):
     return added
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _grasp(t, h, dq, p, on):
     """Velocity at the beginning of a step of h: a load that rested is picked up with the momentum conserved."""
     if GRASP >= 0 and on[GRASP] and t - h < p[GRASP_P + 1] <= t:
@@ -432,7 +551,7 @@ def _grasp(t, h, dq, p, on):
     return dq
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _planar(t, q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, first, second, on1, on2, p3, s, p2):
     """Accelerations of a planar pair under the net torques of its joints: (q_1'', q_2'', torque 1, torque 2), the
     torques on what does not rest."""
@@ -440,13 +559,13 @@ def _planar(t, q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, first, second, on1, o
     added = _payload(t, second, on2) / s
     own = second[INERTIA] / s + added
     p2 += added
-    c, z = math.cos(q2), math.sin(q2)
+    c, z = _cosine(q2), _sine(q2)
     g1, g2 = 0.0, 0.0
     if second[GRAVITY_SINE] != 0.0 or second[GRAVITY_COSINE] != 0.0:
-        g2 = second[GRAVITY_SINE] * math.sin(q1 + q2) + second[GRAVITY_COSINE] * math.cos(q1 + q2)
+        g2 = second[GRAVITY_SINE] * _sine(q1 + q2) + second[GRAVITY_COSINE] * _cosine(q1 + q2)
         g1 = g2 / s
     if first[GRAVITY_SINE] != 0.0 or first[GRAVITY_COSINE] != 0.0:
-        g1 += first[GRAVITY_SINE] * math.sin(q1) + first[GRAVITY_COSINE] * math.cos(q1)
+        g1 += first[GRAVITY_SINE] * _sine(q1) + first[GRAVITY_COSINE] * _cosine(q1)
     r1 = rhs1 + p3 * z * (2.0 * d1 * d2 + d2 * d2) - g1
     r2 = (rhs2 - g2) / s - p3 * z * d1 * d1
     m11, m12 = p1 + p2 + 2.0 * p3 * c, p2 + p3 * c
@@ -462,7 +581,7 @@ def _planar(t, q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, first, second, on1, o
     return (own * r1 - m12 * r2) / det, (m11 * r2 - m12 * r1) / det, r1, r2 * s
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _joined(t, q, dq, ql, dql, rhs, arm, p, on):
     """Accelerations of motor side and load side, the net torque rhs on the former and `arm` against the latter: (q'',
     q_l'', torque between the sides)."""
@@ -492,7 +611,7 @@ def _joined(t, q, dq, ql, dql, rhs, arm, p, on):
     return a, a, 0.0
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _sides(q, p, on):
     """Angles of motor and load at the beginning, that of the encoder's side given: the arm hangs in its spring or leans
     to one side of its play."""
@@ -515,7 +634,7 @@ def _sides(q, p, on):
     return (q + twist, q) if _load_side(on) else (q, q - twist)
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
     """Time derivatives D of the states S (n, 7) at time t under the averaged amplifier command u (n,)."""
     for j in range(n):
@@ -546,15 +665,21 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
                 D[j, Q] = 0.0
 
 
-@njit(cache=True, inline='always', error_model='numpy')
-def _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on):
-    """Held, delayed command over substep i of sample k: its mean, and how much the straight line with the same first
-    moment rises, so that angle and velocity are both right behind a jump. A lag below zero stands for a delay."""
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _shift(dt, p, on):
+    """By how many samples of dt the command is late; a lag below zero stands for a delay."""
     shift = p[TIMING] / dt
     if p[ELECTRICAL] < 0.0:
         shift -= p[ELECTRICAL] / dt
     if DELAY >= 0 and on[DELAY]:
         shift += p[DELAY_P] / dt
+    return shift
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _amplifier(k, i, substeps, shift, hold, u, cumulative):
+    """Held command over substep i of sample k, late by `shift` samples: its mean, and how much the straight line with
+    the same first moment rises, so that angle and velocity are both right behind a jump."""
     if shift == 0.0 and hold == 0:
         return u[k], 0.0
     a = k + i / substeps - shift
@@ -606,7 +731,13 @@ def _finer(P, on, h):
     return count
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, error_model='numpy')
+def _steps(P, on, dt, substeps):
+    """Steps per sample of dt, given parameters (n, columns) and switches (n, effects)."""
+    return 1 if P[0, STEPPING] > 0.0 else substeps * _finer(P, on, dt / substeps)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _low_pass(v, rise, state, h, time_constant):
     """Exact first-order low-pass over a step in which the input rises along a line of mean v: (mean, rise of the line
     with the output's first moment, state at the end)."""
@@ -622,10 +753,16 @@ def _low_pass(v, rise, state, h, time_constant):
     return mean, rise + 12.0 * away * moment, begin + rise - rise / a + away * decay
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _driven(k, i, substeps, dt, now, h, hold, u, cumulative, q, dq, w, lag, p, on, commands, euler):
     """Command behind the amplifier over substep i of sample k: mean, rise, and state of the low-pass at the end."""
-    v, rise = _amplifier(k, i, substeps, dt, hold, u, cumulative, p, on)
+    v, rise = _amplifier(k, i, substeps, _shift(dt, p, on), hold, u, cumulative)
+    return _through(v, rise, now, h, q, dq, w, lag, p, on, commands, euler)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _through(v, rise, now, h, q, dq, w, lag, p, on, commands, euler):
+    """A command of mean v that rises over a step of h, behind the amplifier's effects: as `_driven`."""
     if commands:
         base, half, high = v, 0.5 * rise, v
         for end in range(3 if rise != 0.0 else 1):  # in the middle of the step, then at its ends
@@ -642,13 +779,13 @@ def _driven(k, i, substeps, dt, now, h, hold, u, cumulative, q, dq, w, lag, p, o
     return v, 0.0 if euler else rise, lag
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _bristled(on):
     """Whether there are bristles."""
     return (BRISTLE >= 0 and on[BRISTLE]) or (DAHL >= 0 and on[DAHL])
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _bristle(z, dq, h, p, on):
     """Exact flow of the bristle at constant velocity: (mean torque over the step, deflection at the end)."""
     general = DAHL >= 0 and on[DAHL]
@@ -712,7 +849,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     """Samples first..last-1 of a log from the states S (n, 7) and deflections z (n,), which end up at sample last."""
     T, n = u.shape
     euler = P[0, STEPPING] > 0.0
-    substeps = 1 if euler else substeps * _finer(P, on, (t[1] - t[0]) / substeps)
+    substeps = _steps(P, on, t[1] - t[0], substeps)
     P = _resolved(P, (t[1] - t[0]) / substeps)
     D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 7))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
@@ -860,42 +997,189 @@ def compensated(networks, first, last, t, u, cumulative, hold, y, x, extra, S, z
                 substeps, out, motion)
 
 
-@njit(cache=True, inline='always', error_model='numpy')
-def _rates_one(t, q, dq, w, heat, ql, dql, u, x, sign, stuck, p, on, has, load):
-    """Scalar twin of _rates for one joint: (w, w', heat', q'', q_l'', torque less dry friction, level)."""
-    split = _flexible(on) or _playing(on)
-    arm = _on_arm(t, ql if split else q, dq, w, x, p, on, has[2], False)
-    w, change, heating, r, level = _chain(t, q, dq, w, heat, 0.0 if split else arm, u, x, p, on, has, load)
-    rhs = r - sign * level
-    a, al, F = _joined(t, q, dq, ql, dql, rhs, arm, p, on)
-    if stuck:
-        a = 0.0
-    return w, change, heating, a, al, rhs - F, level
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _begin_lanes(starts, u, P, on, h, S, p, has, parted):
+    """Parameters p (n, columns + 3), first states S, which slots have any effect and whether there is a spring or a
+    play; spare lanes stay zero."""
+    n = len(P)
+    resolved = _resolved(P, h)
+    for l in range(n):
+        p[l] = resolved[l]
+        S[Q_ + l], S[QL_ + l] = _sides(starts[l, 0], p[l], on[l])
+        S[DQ_ + l] = S[DQL_ + l] = starts[l, 1]
+        S[W_ + l], S[LAG_ + l] = starts[l, 2], u
+        S[MOBILITY_ + l] = p[l, MOBILITY]
+        S[VISCOUS_ + l], S[EMF_ + l] = p[l, VISCOUS], p[l, BACK_EMF]
+        S[ELECTRICAL_ + l] = p[l, ELECTRICAL_RATE]
+        S[LIMIT_ + l] = p[l, LIMIT] if p[l, LIMIT] > 0.0 else np.inf
+        if _flexible(on[l]):
+            first = FLEX_LOAD_P if FLEX_LOAD >= 0 and on[l, FLEX_LOAD] else FLEX_P
+            S[SHARE_ + l], S[DAMPING_ + l] = p[l, first], p[l, first + 2]
+            S[OMEGA_ + l] = 2.0 * math.pi * p[l, first + 1]
+        for column in range(P.shape[1]):
+            S[(FIRST_PARAMETER + column) * LANES + l] = p[l, column]
+        _present(on[l], has[l])
+        parted[l] = _flexible(on[l]) or _playing(on[l])
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _rates_lanes(S, p, on, any_on, all_on, has, parted, xs, n, split, weighs, motor, limited, ends):
+    """Time derivatives of LANES candidates at once: the same equations as `_rates`, row by row.
+
+    has: slots that any of them fills. ends: what the motor moves, if it is the same in all of them.
+    """
+    if weighs:
+        for l in range(LANES):
+            S[PLACE_ + l], S[SUM_ + l] = S[QS_ + l], 0.0
+        for l in range(n if split else 0):
+            if parted[l]:
+                S[PLACE_ + l] = S[QLS_ + l]
+        #arm_lanes#
+        for l in range(LANES):
+            S[ARM_ + l] = S[LOAD_ + l] + S[SUM_ + l]
+        if weighs == HEAVY:
+            for l in range(LANES):
+                q = S[PLACE_ + l]
+                S[ARM_ + l] += S[GRAVITY_SINE_ + l] * _sine(q) + S[GRAVITY_COSINE_ + l] * _cosine(q)
+        for l in range(LANES):
+            S[WEIGHT_ + l] = S[ARM_ + l]
+        for l in range(n if split else 0):
+            if parted[l]:
+                S[WEIGHT_ + l] = 0.0
+    if motor == LAGGING:
+        for l in range(LANES):
+            S[DW_ + l] = (S[U_ + l] - S[EMF_ + l] * S[DQS_ + l] - S[WS_ + l]) * S[ELECTRICAL_ + l]
+            S[R_ + l] = S[WS_ + l]
+    elif motor == PROMPT:
+        for l in range(LANES):
+            S[WS_ + l] = S[R_ + l] = S[U_ + l] - S[EMF_ + l] * S[DQS_ + l]
+    else:
+        for l in range(n):
+            S[WS_ + l], S[DW_ + l], S[DHEAT_ + l], S[R_ + l] = _motor(
+                S[QS_ + l], S[DQS_ + l], S[WS_ + l], S[HEATS_ + l], S[U_ + l], p[l], on[l])
+    if limited:
+        for l in range(LANES):
+            S[R_ + l] = min(max(S[R_ + l], -S[LIMIT_ + l]), S[LIMIT_ + l])
+    if has[1]:
+        for l in range(LANES):
+            S[SUM_ + l] = 1.0
+        #gain_lanes#
+        for l in range(LANES):
+            S[R_ + l] *= S[SUM_ + l]
+    for l in range(LANES):
+        S[R_ + l] -= S[VISCOUS_ + l] * S[DQS_ + l] + S[WEIGHT_ + l] + S[RESIST_ + l]
+    if has[2]:
+        for l in range(LANES):
+            S[SUM_ + l] = 0.0
+        #torque_lanes#
+        for l in range(LANES):
+            S[R_ + l] -= S[SUM_ + l]
+    if YIELD >= 0 and any_on[YIELD]:
+        for l in range(n):
+            S[R_ + l] = _yielded(S[R_ + l], S[DQS_ + l], p[l], on[l])
+    if has[3]:
+        for l in range(LANES):
+            S[LEVEL_ + l] = 0.0
+        #friction_lanes#
+        for l in range(LANES):
+            S[R_ + l] -= S[SIGN_ + l] * S[LEVEL_ + l]
+    if ends == ONE_BODY:
+        for l in range(LANES):
+            S[DDQ_ + l] = S[R_ + l] * S[MOBILITY_ + l]
+    elif ends == SPRING:
+        for l in range(LANES):
+            pull = S[OMEGA_ + l] * (S[QS_ + l] - S[QLS_ + l])
+            al = S[OMEGA_ + l] * (pull + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
+            S[R_ + l] -= S[INERTIA_ + l] * S[SHARE_ + l] * al
+            S[DDQ_ + l] = S[R_ + l] / (S[INERTIA_ + l] * (1.0 - S[SHARE_ + l]))
+            S[DDQL_ + l] = al - S[ARM_ + l] / (S[INERTIA_ + l] * max(S[SHARE_ + l], SMALL))
+    else:
+        for l in range(n):
+            S[DDQ_ + l], S[DDQL_ + l], between = _joined(
+                S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[R_ + l], S[ARM_ + l], p[l], on[l])
+            S[R_ + l] -= between
+    if has[3]:
+        for l in range(LANES):
+            S[DDQ_ + l] *= S[FREE_ + l]
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _copied(S, target, source):
+    """One row of lanes into another."""
+    for l in range(LANES):
+        S[target + l] = S[source + l]
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _added(S, total, weight, rate):
+    """One row of lanes, times a weight, on top of another."""
+    for l in range(LANES):
+        S[total + l] += weight * S[rate + l]
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _pushed(S, state, step, rate):
+    """One row of lanes, times another, on top of a third."""
+    for l in range(LANES):
+        S[state + l] += S[step + l] * S[rate + l]
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches, leak, rate_leak, substeps, out):
-    """`run` for a single joint with its states in registers. u, y (T,); x (T, 3) or (0, 3); out (T,)."""
-    T = u.shape[0]
-    euler = parameters[STEPPING] > 0.0
-    if euler:
-        substeps = 1
-    else:
-        substeps *= _finer(parameters.reshape((1, -1)), switches.reshape((1, -1)), (t[1] - t[0]) / substeps)
-    whole = _resolved(parameters.reshape((1, -1)), (t[1] - t[0]) / substeps)[0]
+def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak, rate_leak, substeps, out):
+    """`run` for a single joint and up to LANES candidates at once that take the same steps.
+
+    u, y (T,); x (T, 3 + R) or (0, 3); extra_in (n, T) or (0, 0); starts (n, 3); P (n, columns); switches (n, effects);
+    out (n, T). A candidate's states lie in the same lane of every row of S, so that one instruction moves them all;
+    what becomes of one lane does not depend on the others.
+    """
+    n, T = out.shape
+    euler = P[0, STEPPING] > 0.0
+    substeps = _steps(P[:1], switches[:1], t[1] - t[0], substeps)
+    on, own = switches, np.zeros((n, 4), dtype=np.bool_)
+    union, common = switches[0].copy(), switches[0].copy()
+    for l in range(n):
+        union |= switches[l]
+        common &= switches[l]
+    all_on = #common#
+    any_on = #union#  # numbers instead of an array: the compiler keeps them at hand
+    S, p, parted = np.zeros(ROWS * LANES), np.zeros((n, STEP + 1)), np.zeros(n, dtype=np.bool_)
+    _begin_lanes(starts, u[0], P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
     slots = np.zeros(4, dtype=np.bool_)
-    _present(switches, slots)
-    # numbers instead of arrays: the compiler keeps them at hand, and no view has to be made in the loop
-    p, on = #parameters#, #switches#
+    _present(union, slots)
     has = (slots[0], slots[1], slots[2], slots[3])
-    q, ql = _sides(start[0], p, on)
-    dq, w, lag, heat, dql, z = start[1], start[2], u[0], 0.0, start[1], 0.0
-    split = _flexible(on) or _playing(on)
-    with_x, with_extra = x.shape[0] == T, extra_in.shape[0] == T
-    t0, before, pull = t[0], 0.0, 0.0
+    split, warm = _flexible(any_on) or _playing(any_on), _warming(any_on)
+    senses, weighs = _load_side(any_on) or _sensing(any_on), LIGHT if _weighing(any_on) else 0
+    direct = hold == 0 and not (has[0] or (LAG >= 0 and any_on[LAG]) or (DELAY >= 0 and any_on[DELAY]))
+    lagging, limited = 0, False
+    for l in range(n):
+        if p[l, GRAVITY_SINE] != 0.0 or p[l, GRAVITY_COSINE] != 0.0:
+            weighs = HEAVY
+        elif p[l, LOAD] != 0.0:
+            weighs = max(weighs, LIGHT)
+        direct = direct and p[l, TIMING] == 0.0 and not p[l, ELECTRICAL] < 0.0
+        lagging += p[l, ELECTRICAL] > 0.0
+        limited = limited or p[l, LIMIT] > 0.0
+    motor = OTHER
+    if not (warm or (RIPPLE >= 0 and any_on[RIPPLE])):
+        motor = LAGGING if lagging == n else (PROMPT if lagging == 0 else OTHER)
+    limited = limited and motor != OTHER  # the others see to it themselves
+    ends = OTHER
+    if not ((PAYLOAD >= 0 and any_on[PAYLOAD]) or (GRASP >= 0 and any_on[GRASP])):
+        ends = ONE_BODY if not split else (SPRING if S[OMEGA_ : OMEGA_ + n].all() else OTHER)
+    with_x, with_extra = x.shape[0] == T, extra_in.shape[0] > 0
+    lasted = np.full(LANES, T)
+    resting = stopped = False
+    t0, before, pull, alive, late, mean, rise = t[0], 0.0, 0.0, n, 0.0, 0.0, 0.0
+    xs = (0.0, 0.0, 0.0)
     for k in range(T):
-        e = y[k] - _reading(ql if _load_side(on) else q, p, on)
-        out[k] = e
+        if senses:
+            for l in range(n):
+                S[ERROR_ + l] = y[k] - _reading(S[QL_ + l] if _load_side(on[l]) else S[Q_ + l], p[l], on[l])
+        else:
+            for l in range(LANES):
+                S[ERROR_ + l] = y[k] - S[Q_ + l]
+        for l in range(n):
+            out[l, k] = S[ERROR_ + l]
         if k == T - 1:
             break
         dt = t[k + 1] - t[k]
@@ -903,103 +1187,203 @@ def run_one(t, u, cumulative, hold, y, x, extra_in, start, parameters, switches,
             if dt != before:
                 before = dt
                 pull = 1.0 - math.exp(-leak * dt)
-            q += pull * e
-            ql += pull * e
-            if rate_leak > 0.0 and dq != 0.0:
-                dq += rate_leak * dt * e
-                dql += rate_leak * dt * e
-        xs = (0.0, 0.0, 0.0)
-        disturbance = extra_in[k] if with_extra else 0.0
+            _added(S, Q_, pull, ERROR_)
+            if split:
+                _added(S, QL_, pull, ERROR_)
+            if rate_leak > 0.0:
+                for l in range(n):
+                    if S[DQ_ + l] != 0.0:
+                        S[DQ_ + l] += rate_leak * dt * S[ERROR_ + l]
+                        S[DQL_ + l] += rate_leak * dt * S[ERROR_ + l]
+        if with_extra:
+            for l in range(n):
+                S[OUTER_ + l] = extra_in[l, k]
         if with_x:
             xs = (x[k, 0], x[k, 1], x[k, 2])
-            for i in range(3, x.shape[1]):
-                disturbance += parameters[ARM + i - 3] * x[k, i]
+            if x.shape[1] > 3:
+                for l in range(n):
+                    outer = extra_in[l, k] if with_extra else 0.0
+                    for i in range(3, x.shape[1]):
+                        outer += p[l, ARM + i - 3] * x[k, i]
+                    S[OUTER_ + l] = outer
         h = dt / substeps
         for i in range(substeps):
-            begin = t[k] - t0 + i * h
-            dq = _grasp(begin, h, dq, p, on)
-            v, rise, lag = _driven(k, i, substeps, dt, begin, h, hold, u, cumulative, q, dq, w, lag, p, on, has[0],
-                                   euler)
-            load = disturbance
-            if _bristled(on):
-                torque, z = _bristle(z, dq, h, p, on)
-                load += torque
-            left = h
-            for event in range(7):
-                span, stuck, dry, stopped, stage = left, False, False, False, 0
-                sign = 1.0 if dq > 0.0 else (-1.0 if dq < 0.0 else 0.0)
-                dqs, ws, hs, a, dqls, b = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-                dq1, w1, h1, a1, dql1, b1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-                sum_q, sum_w, sum_h, sum_a, sum_ql, sum_b, wb = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, w
+            now = t[k] - t0 + i * h
+            if GRASP >= 0 and any_on[GRASP]:
+                for l in range(n):
+                    S[DQ_ + l] = _grasp(now, h, S[DQ_ + l], p[l], on[l])
+            if direct:
+                for l in range(LANES):
+                    S[U_ + l] = u[k]
+            else:
+                for l in range(n):
+                    shift = _shift(dt, p[l], on[l])
+                    if l == 0 or shift != late:
+                        late = shift
+                        mean, rise = _amplifier(k, i, substeps, shift, hold, u, cumulative)
+                    S[MEAN_ + l], S[RISE_ + l], S[LAG_ + l] = _through(
+                        mean, rise, now, h, S[Q_ + l], S[DQ_ + l], S[W_ + l], S[LAG_ + l], p[l], on[l], own[l, 0],
+                        euler)
+            _copied(S, RESIST_, OUTER_)
+            if _bristled(any_on):
+                for l in range(n):
+                    if _bristled(on[l]):
+                        torque, S[Z_ + l] = _bristle(S[Z_ + l], S[DQ_ + l], h, p[l], on[l])
+                        S[RESIST_ + l] += torque
+            for l in range(LANES):
+                S[SPAN_ + l] = S[LEFT_ + l] = h
+                S[BEGIN_ + l] = now
+            for event in range(7):  # lanes that are done have a span of zero
+                stage = 0
+                if has[3]:
+                    resting = stopped = False
+                    for l in range(LANES):
+                        S[SIGN_ + l] = 1.0 * (S[DQ_ + l] > 0.0) - 1.0 * (S[DQ_ + l] < 0.0)
+                        S[FREE_ + l] = 1.0
+                        S[STOPPED_ + l] = 0.0
+                    for l in range(n):
+                        resting = resting or S[DQ_ + l] == 0.0
                 while stage < 4:  # the stages of the Runge-Kutta step, one after the other in the same machine code
-                    ahead = 0.0 if stage == 0 else (0.5 * span if stage < 3 else span)
-                    qs, qls = q + ahead * dqs, ql + ahead * dqls
-                    dqs, dqls = dq + ahead * a, dql + ahead * b
-                    wb, ws, hs, a, b, rhs, level = _rates_one(
-                        begin + ahead, qs, dqs, w + ahead * ws, heat + ahead * hs, qls, dqls,
-                        v + rise * ((h - left + ahead) / h - 0.5), xs, sign, stuck, p, on, has, load)
+                    share = 0.0 if stage == 0 else (0.5 if stage < 3 else 1.0)
+                    for l in range(LANES):
+                        ahead = share * S[SPAN_ + l]
+                        S[AHEAD_ + l] = ahead
+                        S[T_ + l] = S[BEGIN_ + l] + ahead
+                        S[QS_ + l] = S[Q_ + l] + ahead * S[DQS_ + l]
+                        S[DQS_ + l] = S[DQ_ + l] + ahead * S[DDQ_ + l]
+                        S[WS_ + l] = S[W_ + l] + ahead * S[DW_ + l]
+                    if split:
+                        for l in range(LANES):
+                            S[QLS_ + l] = S[QL_ + l] + S[AHEAD_ + l] * S[DQLS_ + l]
+                            S[DQLS_ + l] = S[DQL_ + l] + S[AHEAD_ + l] * S[DDQL_ + l]
+                    if warm:
+                        for l in range(LANES):
+                            S[HEATS_ + l] = S[HEAT_ + l] + S[AHEAD_ + l] * S[DHEAT_ + l]
+                    if not direct:
+                        for l in range(LANES):
+                            place = (h - S[LEFT_ + l] + S[AHEAD_ + l]) / h - 0.5
+                            S[U_ + l] = S[MEAN_ + l] + S[RISE_ + l] * place
+                    _rates_lanes(S, p, on, any_on, all_on, has, parted, xs, n, split, weighs, motor, limited, ends)
                     if stage == 0:
-                        w = wb
-                        if level > 0.0 and sign == 0.0:  # at rest: it stays there or breaks away
-                            dry = True
-                            if not stuck:
-                                if abs(rhs) <= level:
-                                    stuck = True
-                                else:
-                                    sign = 1.0 if rhs > 0.0 else -1.0
+                        for l in range(n):
+                            if S[SPAN_ + l] > 0.0:
+                                S[W_ + l] = S[WS_ + l]
+                        if has[3]:
+                            again = False
+                            for l in range(n if resting else 0):
+                                if S[SIGN_ + l] == 0.0 and S[FREE_ + l] > 0.0 and S[LEVEL_ + l] > 0.0 < S[SPAN_ + l]:
+                                    again = True
+                                    if abs(S[R_ + l]) <= S[LEVEL_ + l]:  # it stays at rest
+                                        S[FREE_ + l] = 0.0
+                                    else:  # it breaks away
+                                        S[SIGN_ + l] = 1.0 if S[R_ + l] > 0.0 else -1.0
+                            if again:
                                 continue
-                        dry = dry or level > 0.0
-                        dq1, w1, h1, a1, dql1, b1 = dqs, ws, hs, a, dqls, b
-                        sum_q, sum_w, sum_h, sum_a, sum_ql, sum_b = dq1, w1, h1, a1, dql1, b1
+                            _copied(S, DRY_, LEVEL_)
+                            _copied(S, FIRST_Q_, DQS_)
+                            _copied(S, FIRST_DQ_, DDQ_)
+                            _copied(S, FIRST_W_, DW_)
+                            _copied(S, FIRST_HEAT_, DHEAT_)
+                            _copied(S, FIRST_QL_, DQLS_)
+                            _copied(S, FIRST_DQL_, DDQL_)
+                        _copied(S, SUM_Q_, DQS_)
+                        _copied(S, SUM_DQ_, DDQ_)
+                        _copied(S, SUM_W_, DW_)
+                        if warm:
+                            _copied(S, SUM_HEAT_, DHEAT_)
+                        if split:
+                            _copied(S, SUM_QL_, DQLS_)
+                            _copied(S, SUM_DQL_, DDQL_)
                         if euler:
                             stage = 3
-                            sum_w, sum_h, sum_a, sum_b = 6.0 * w1, 6.0 * h1, 6.0 * a1, 6.0 * b1
-                            sum_q, sum_ql = 6.0 * dq + span * sum_a, 6.0 * dql + span * sum_b
+                            for l in range(LANES):
+                                S[SUM_W_ + l] *= 6.0
+                                S[SUM_HEAT_ + l] *= 6.0
+                                S[SUM_DQ_ + l] *= 6.0
+                                S[SUM_DQL_ + l] *= 6.0
+                                S[SUM_Q_ + l] = 6.0 * S[DQ_ + l] + S[SPAN_ + l] * S[SUM_DQ_ + l]
+                                S[SUM_QL_ + l] = 6.0 * S[DQL_ + l] + S[SPAN_ + l] * S[SUM_DQL_ + l]
                     else:
                         weight = 2.0 if stage < 3 else 1.0
-                        sum_q += weight * dqs
-                        sum_w += weight * ws
-                        sum_h += weight * hs
-                        sum_a += weight * a
-                        sum_ql += weight * dqls
-                        sum_b += weight * b
+                        _added(S, SUM_Q_, weight, DQS_)
+                        _added(S, SUM_DQ_, weight, DDQ_)
+                        _added(S, SUM_W_, weight, DW_)
+                        if warm:
+                            _added(S, SUM_HEAT_, weight, DHEAT_)
+                        if split:
+                            _added(S, SUM_QL_, weight, DQLS_)
+                            _added(S, SUM_DQL_, weight, DDQL_)
                     stage += 1
-                    total = span / 6.0 * sum_a
-                    if (
-                        stage == 4 and not stopped and event < 6 and dry and not stuck and dq != 0.0
-                        and (dq + total) * dq < 0.0 and not euler
-                    ):  # it would reverse: the step ends where it stops
-                        span *= _crossing(dq, span * a1, total)
-                        stopped, stage = True, 1
-                        dqs, ws, hs, a, dqls, b = dq1, w1, h1, a1, dql1, b1
-                        sum_q, sum_w, sum_h, sum_a, sum_ql, sum_b = dq1, w1, h1, a1, dql1, b1
-                if not stuck:
-                    q += span / 6.0 * sum_q
-                    dq += span / 6.0 * sum_a
-                if p[ELECTRICAL] > 0.0:
-                    w += span / 6.0 * sum_w
+                    if stage == 4 and has[3] and event < 6 and not euler:
+                        again = False
+                        for l in range(LANES):
+                            S[TOTAL_ + l] = S[SPAN_ + l] / 6.0 * S[SUM_DQ_ + l]
+                            S[REVERSED_ + l] = (S[DQ_ + l] + S[TOTAL_ + l]) * S[DQ_ + l]
+                        for l in range(n):
+                            if S[REVERSED_ + l] < 0.0 and S[STOPPED_ + l] == 0.0 and S[DRY_ + l] > 0.0:
+                                # it would reverse: its step ends where it stops
+                                first = S[SPAN_ + l] * S[FIRST_DQ_ + l]
+                                S[SPAN_ + l] *= _crossing(S[DQ_ + l], first, S[TOTAL_ + l])
+                                S[STOPPED_ + l], again, stopped = 1.0, True, True
+                        if again:
+                            stage = 1
+                            _copied(S, DQS_, FIRST_Q_)
+                            _copied(S, DDQ_, FIRST_DQ_)
+                            _copied(S, DW_, FIRST_W_)
+                            _copied(S, DHEAT_, FIRST_HEAT_)
+                            _copied(S, DQLS_, FIRST_QL_)
+                            _copied(S, DDQL_, FIRST_DQL_)
+                            _copied(S, SUM_Q_, FIRST_Q_)
+                            _copied(S, SUM_DQ_, FIRST_DQ_)
+                            _copied(S, SUM_W_, FIRST_W_)
+                            _copied(S, SUM_HEAT_, FIRST_HEAT_)
+                            _copied(S, SUM_QL_, FIRST_QL_)
+                            _copied(S, SUM_DQL_, FIRST_DQL_)
+                for l in range(LANES):
+                    S[STEP_ + l] = S[SPAN_ + l] / 6.0
+                    S[Q_ + l] += S[STEP_ + l] * S[SUM_Q_ + l]
+                    S[DQ_ + l] += S[STEP_ + l] * S[SUM_DQ_ + l]
+                if motor == LAGGING:
+                    _pushed(S, W_, STEP_, SUM_W_)
                 else:
-                    w = wb
-                heat += span / 6.0 * sum_h
+                    for l in range(n):
+                        if p[l, ELECTRICAL] > 0.0:
+                            S[W_ + l] += S[STEP_ + l] * S[SUM_W_ + l]
+                        elif S[SPAN_ + l] > 0.0:
+                            S[W_ + l] = S[WS_ + l]
+                if warm:
+                    _pushed(S, HEAT_, STEP_, SUM_HEAT_)
                 if split:
-                    ql += span / 6.0 * sum_ql
-                    dql += span / 6.0 * sum_b
-                else:
-                    ql, dql = q, dq
+                    _pushed(S, QL_, STEP_, SUM_QL_)
+                    _pushed(S, DQL_, STEP_, SUM_DQL_)
                 if not stopped:
                     break
-                dq = 0.0
-                begin += span
-                left -= span
-                if left <= 0.0:
+                again = False
+                for l in range(LANES):
+                    left = 0.0
+                    if S[STOPPED_ + l] > 0.0:
+                        S[DQ_ + l] = 0.0
+                        S[BEGIN_ + l] += S[SPAN_ + l]
+                        S[LEFT_ + l] -= S[SPAN_ + l]
+                        left = max(S[LEFT_ + l], 0.0)
+                        again = again or left > 0.0
+                    S[SPAN_ + l] = left
+                if not again:
                     break
-        if not abs(dq) < 1e9:
-            for kk in range(k + 1, T):
-                out[kk] = 1e6
-            return
+        for l in range(n):
+            if not abs(S[DQ_ + l]) < 1e9:
+                if lasted[l] == T:
+                    lasted[l] = k + 1
+                    alive -= 1
+                for row in range(STATES):
+                    S[row * LANES + l] = 0.0
+        if alive == 0:
+            break
+    for l in range(n):
+        out[l, lasted[l]:] = 1e6
 
 
-@njit(cache=True, inline='always', error_model='numpy')
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _rates_two(t, q1, d1, w1, heat1, q2, d2, w2, heat2, v1, v2, x1, x2, sign1, sign2, stuck1, stuck2, p1, p2, on1, on2,
                has1, has2, load1, load2, p3, s, shared):
     """Scalar twin of _rates for a planar pair: per joint w, w', heat', q'', torque less dry friction, level."""
@@ -1017,7 +1401,7 @@ def run_two(t, u, cumulative, hold, y, x, extra_in, start, P, switches, rigid, l
     """`run` for a planar pair with its states in registers. u, y (T, 2); x (T, 2, 3) or (0, 2, 3); out (T, 2)."""
     T = u.shape[0]
     euler = P[0, STEPPING] > 0.0
-    substeps = 1 if euler else substeps * _finer(P, switches, (t[1] - t[0]) / substeps)
+    substeps = _steps(P, switches, t[1] - t[0], substeps)
     whole = _resolved(P, (t[1] - t[0]) / substeps)
     first, second, first_on, second_on = whole[0], whole[1], switches[0], switches[1]
     slots = np.zeros((2, 4), dtype=np.bool_)
@@ -1176,9 +1560,35 @@ def run_two(t, u, cumulative, hold, y, x, extra_in, start, P, switches, rigid, l
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
+def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out,
+              log, first, last):
+    """Candidates first to last of a single joint on one log, in lanes as far as they take the same steps.
+
+    Shapes as those of `batch`.
+    """
+    lo, hi = bounds[log], bounds[log + 1]
+    dt = t[lo + 1] - t[lo]
+    xo = x[lo:hi, 0] if x.shape[0] > 0 else np.zeros((0, 3))
+    a = first
+    while a < last:
+        steps, stepping = _steps(P[a : a + 1, log, 0], on[a : a + 1, 0], dt, substeps), P[a, log, 0, STEPPING] > 0.0
+        b = a + 1
+        while (
+            b < last and b < a + LANES and (P[b, log, 0, STEPPING] > 0.0) == stepping
+            and _steps(P[b : b + 1, log, 0], on[b : b + 1, 0], dt, substeps) == steps
+        ):
+            b += 1
+        eo = extra[a:b, lo:hi, 0] if extra.shape[0] > 0 else np.zeros((0, 0))
+        run_lanes(t[lo:hi], u[lo:hi, 0], cumulative[lo:hi, 0], hold[0], y[lo:hi, 0], xo, eo, starts[a:b, log, 0],
+                  P[a:b, log, 0], on[a:b, 0], leak, rate_leak, substeps, out[a:b, lo:hi, 0])
+        a = b
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
 def batch(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out,
           first, last):
-    """Runs first to last of all C L: candidates (first axis of P and starts) on logs (bounds (L + 1,)).
+    """Runs first to last of all C L: candidates (first axis of P and starts) on logs (bounds (L + 1,)), of more than
+    one joint.
 
     out (C, T, n).
     """
@@ -1187,13 +1597,6 @@ def batch(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigi
     for task in range(first, last):
         b, l = task // logs, task % logs
         lo, hi = bounds[l], bounds[l + 1]
-        if u.shape[1] == 1:
-            xo = x[lo:hi, 0] if x.shape[0] > 0 else np.zeros((0, 3))
-            eo = extra[b, lo:hi, 0] if extra.shape[0] > 0 else np.zeros(0)
-            run_one(t[lo:hi], u[lo:hi, 0], cumulative[lo:hi, 0], hold[0], y[lo:hi, 0], xo, eo, starts[b, l, 0], P[b,
-            l, 0],
-                    on[b, 0], leak, rate_leak, substeps, out[b, lo:hi, 0])
-            continue
         xl = x[lo:hi] if x.shape[0] > 0 else x
         el = extra[b, lo:hi] if extra.shape[0] > 0 else np.zeros((0, u.shape[1]))
         if pair and u.shape[1] == 2:

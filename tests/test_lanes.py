@@ -1,0 +1,147 @@
+"""Candidates that are simulated eight at a time: the same bits as one at a time, whatever stands beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from methods.effects import vocabulary
+from methods.effects.base import Scales
+from methods.kernel import LANES, NOMINAL, Kernel, build
+
+KERNEL: Kernel = build(tuple(vocabulary()))
+SIZES = Scales(
+    command_rms=3.0,
+    command_peak=6.0,
+    torque_rms=2.0,
+    torque_peak=5.0,
+    position_span=3.0,
+    position_mean=0.2,
+    velocity_rms=4.0,
+    velocity_peak=9.0,
+    inertia=0.05,
+    damping=0.3,
+    duration=2.0,
+    sample_time=2e-3,
+    encoder_step=1e-4,
+    revolute=True,
+    joints=1,
+)
+SAMPLES, LOGS = 700, 2
+
+
+def candidates(count: int, seed: int, effects: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Parameters (C, L, 1, columns), switches (C, 1, effects) and starts (C, L, 1, 3) with random effects."""
+    rng = np.random.default_rng(seed)
+    parameters = np.zeros((count, LOGS, 1, KERNEL.columns))
+    switches = np.zeros((count, 1, len(KERNEL.effects)), dtype=bool)
+    column = {name: i for i, name in enumerate(NOMINAL)}
+    for c in range(count):
+        own = parameters[c, :, 0]
+        own[:, column["inertia"]] = rng.uniform(0.02, 0.08)
+        own[:, column["viscous"]], own[:, column["back_emf"]] = rng.uniform(0.05, 0.2, 2)
+        own[:, column["electrical_time_constant"]] = rng.choice([0.0, 3e-4, 1.5e-3, 4e-3])
+        own[:, column["torque_square_mean"]] = 4.0
+        own[:, column["timing"]] = rng.choice([0.0, 1e-3])
+        if rng.uniform() < 0.3:
+            own[:, column["gravity_sine"]], own[:, column["gravity_cosine"]] = rng.uniform(-1.0, 1.0, 2)
+        own[:, column["torque_limit"]] = rng.choice([0.0, 3.0])
+        for effect in rng.choice(len(KERNEL.effects), effects, replace=False):
+            chosen = KERNEL.effects[effect]
+            starts = list(chosen.starts(SIZES)) if chosen.starts else []
+            if starts:
+                switches[c, 0, effect] = True
+                own[:, KERNEL.own(chosen)] = starts[rng.integers(len(starts))]
+    return parameters, switches, np.tile([0.1, 0.0, 0.0], (count, LOGS, 1, 1))
+
+
+def stacked(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Time, command, its integral over samples, reading and bounds of LOGS logs."""
+    rng = np.random.default_rng(seed)
+    time = np.tile(np.arange(SAMPLES) * SIZES.sample_time, LOGS)
+    command = (6.0 * np.sin(9.0 * time) * (rng.uniform(size=len(time)) < 0.9))[:, None]
+    bounds = SAMPLES * np.arange(LOGS + 1)
+    cumulative = np.zeros_like(command)
+    for a, b in pairwise(bounds):
+        cumulative[a + 1 : b] = np.cumsum(command[a : b - 1], axis=0)
+    return time, command, cumulative, 0.5 * np.sin(9.0 * time)[:, None], bounds
+
+
+def batched(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Prediction errors (C, T) in lanes."""
+    time, command, cumulative, reading, bounds = stacked(0)
+    out = np.empty((len(parameters), len(time), 1))
+    hold, near, extra = np.zeros(1, dtype=np.int64), np.zeros((0, 1, 3)), np.zeros((0, 0, 1))
+    rigid = np.zeros((len(parameters), 3))
+    arguments = (time, command, cumulative, hold, reading, near, extra, bounds, starts, parameters, switches)
+    KERNEL.batch(*arguments, False, rigid, 20.0, 0.0, 1, out)
+    return out[..., 0]
+
+
+def one_by_one(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """The same by the function for any number of joints."""
+    time, command, cumulative, reading, bounds = stacked(0)
+    out = np.empty((len(parameters), len(time), 1))
+    hold, near = np.zeros(1, dtype=np.int64), np.zeros((0, 1, 3))
+    for c in range(len(parameters)):
+        for log, (a, b) in enumerate(pairwise(bounds)):
+            KERNEL.module.run(
+                *(x[a:b] for x in (time, command, cumulative)),
+                hold,
+                reading[a:b],
+                near,
+                near[:, :, 0],
+                starts[c, log],
+                parameters[c, log],
+                switches[c],
+                False,
+                np.zeros(3),
+                20.0,
+                0.0,
+                1,
+                out[c, a:b],
+                near,
+            )
+    return out[..., 0]
+
+
+@pytest.mark.parametrize(("effects", "seed"), [(0, 0), (1, 1), (1, 2), (2, 3), (3, 4)])
+def test_lanes_are_one_candidate_at_a_time_bit_by_bit(effects: int, seed: int) -> None:
+    every = candidates(5 * LANES + 3, seed, effects)
+    assert np.array_equal(batched(*every), one_by_one(*every))
+
+
+def test_every_effect_alone_is_the_same_in_lanes() -> None:
+    found = candidates(2 * len(KERNEL.effects), 5, 0)
+    parameters, switches, _ = found
+    for c in range(len(parameters)):
+        chosen = KERNEL.effects[c // 2]
+        starts = list(chosen.starts(SIZES)) if chosen.starts else []
+        if starts:
+            switches[c, 0, c // 2] = True
+            parameters[c, :, 0, KERNEL.own(chosen)] = np.array(starts[-1 if c % 2 else 0])
+    assert switches.any(axis=2).sum() > len(KERNEL.effects)
+    assert np.array_equal(batched(*found), one_by_one(*found))
+
+
+def test_a_lane_that_runs_away_leaves_the_others_alone() -> None:
+    parameters, switches, starts = candidates(LANES, 6, 1)
+    parameters[2, :, 0, NOMINAL.index("viscous")] = -40.0
+    together = batched(parameters, switches, starts)
+    assert np.all(together[2, -100:] == 1e6)
+    rest = [c for c in range(LANES) if c != 2]
+    assert np.array_equal(together[rest], batched(parameters[rest], switches[rest], starts[rest]))
+    assert np.max(np.abs(together[rest])) < 1e3
+
+
+@pytest.mark.parametrize(("own", "library"), [("_sine", np.sin), ("_cosine", np.cos)])
+def test_sine_and_cosine_are_those_of_the_library(own: str, library: Callable[[np.ndarray], np.ndarray]) -> None:
+    """To the rounding of a number near 1, from the first turn to the hundred-thousandth."""
+    rng = np.random.default_rng(7)
+    spans = [rng.uniform(-span, span, 2000) for span in (1.0, 10.0, 1e3, 6e5)]
+    angles = np.concatenate([*spans, 0.25 * np.pi * np.arange(-20, 21)])
+    found = np.array([getattr(KERNEL.module, own)(angle) for angle in angles])
+    assert np.max(np.abs(found - library(angles))) < 2.3e-16

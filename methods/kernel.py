@@ -83,7 +83,7 @@ LANE_ROWS = (
     *("QS", "DQS", "WS", "HEATS", "QLS", "DQLS", "DDQ", "DW", "DHEAT", "DDQL"),
     *("FIRST_Q", "FIRST_DQ", "FIRST_W", "FIRST_HEAT", "FIRST_QL", "FIRST_DQL"),
     *("SUM_Q", "SUM_DQ", "SUM_W", "SUM_HEAT", "SUM_QL", "SUM_DQL"),
-    *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING"),
+    *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING", "HALF", "CONSTANT"),
     *("ERROR", "OUTER", "RESIST", "PLACE", "ARM", "WEIGHT", "MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
 )
@@ -242,7 +242,8 @@ def _source(kernel: Kernel) -> str:
         if slot_of(effect) in lanes:
             own, places = f"p[l, {start}:{start + effect.size}]", range(start, start + effect.size)
             line = lanes[slot_of(effect)].format(f=name, p=own)
-            loop = f"elif any_on[{column}]:\n            for l in range(n):\n                if on[l, {column}]:\n"
+            loop = f"elif to[{column}]:\n            for l in range(since[{column}], to[{column}]):\n"
+            loop += f"                if on[l, {column}]:\n"
             loop += " " * 20 + line
             if "_sine(" in text or "_cosine(" in text:  # worth the machine code of a loop without branches
                 line = lanes[slot_of(effect)].format(
@@ -271,6 +272,8 @@ def _source(kernel: Kernel) -> str:
     constants += [f"LANES, ROWS, STATES = {LANES}, {len(LANE_ROWS) + kernel.columns}, {LANE_ROWS.index('MOBILITY')}"]
     constants += [f"{row}_ = {lane_row(NOMINAL.index(row.lower()))}" for row in STANDING]
     constants += [f"FIRST_PARAMETER = {len(LANE_ROWS)}"]
+    rippling = kernel.offsets.get("torque_ripple_reciprocal", 0)
+    constants += [f"RIPPLE_{part}_ = {lane_row(rippling + i)}" for i, part in enumerate(("SINE", "COSINE", "CYCLES"))]
     constants += [f"ELECTRICAL_RATE, MOBILITY, STEP = {kernel.columns}, {kernel.columns + 1}, {kernel.columns + 2}"]
     for effect_name, symbol in STRUCTURAL.items():
         constants.append(f"{symbol} = {kernel.switches.get(effect_name, -1)}")
@@ -289,7 +292,7 @@ INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUA
 TIMING, STEPPING, ARM = range(9, 12)
 Q, DQ, W, A, HEAT, QL, DQL = range(7)
 OTHER, LAGGING, PROMPT = range(3)  # how the motors of all lanes follow their command
-ONE_BODY, SPRING = 1, 2  # what these motors move
+ONE_BODY, SPRING, PLAY_BETWEEN = 1, 2, 3  # what these motors move
 LIGHT, HEAVY = 1, 2  # whether the arm's position resists, and whether by its weight
 ROUNDED = 6755399441055744.0  # 1.5 * 2^52: what is left of a number after adding and subtracting it is whole
 SMALL = 1e-3  # share of the inertia behind a spring or a play from which the weight of the arm hangs on it
@@ -1000,8 +1003,8 @@ def compensated(networks, first, last, t, u, cumulative, hold, y, x, extra, S, z
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _begin_lanes(starts, u, P, on, h, S, p, has, parted):
     """Parameters p (n, columns + 3), first states S, which slots have any effect and whether there is a spring or a
-    play; spare lanes stay zero."""
-    n = len(P)
+    play; returns how many of these. Spare lanes stay zero."""
+    n, springs, plays = len(P), 0, 0
     resolved = _resolved(P, h)
     for l in range(n):
         p[l] = resolved[l]
@@ -1016,14 +1019,21 @@ def _begin_lanes(starts, u, P, on, h, S, p, has, parted):
             first = FLEX_LOAD_P if FLEX_LOAD >= 0 and on[l, FLEX_LOAD] else FLEX_P
             S[SHARE_ + l], S[DAMPING_ + l] = p[l, first], p[l, first + 2]
             S[OMEGA_ + l] = 2.0 * math.pi * p[l, first + 1]
+            springs += 1
+        elif _playing(on[l]):
+            first = _play_column(on[l])
+            S[HALF_ + l], S[SHARE_ + l], S[DAMPING_ + l] = 0.5 * p[l, first], p[l, first + 1], p[l, first + 3]
+            S[OMEGA_ + l] = 2.0 * math.pi * p[l, first + 2]
+            plays += 1
         for column in range(P.shape[1]):
             S[(FIRST_PARAMETER + column) * LANES + l] = p[l, column]
         _present(on[l], has[l])
         parted[l] = _flexible(on[l]) or _playing(on[l])
+    return springs, plays
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _rates_lanes(S, p, on, any_on, all_on, has, parted, xs, n, split, weighs, motor, limited, ends):
+def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, weighs, motor, rippled, limited, ends):
     """Time derivatives of LANES candidates at once: the same equations as `_rates`, row by row.
 
     has: slots that any of them fills. ends: what the motor moves, if it is the same in all of them.
@@ -1046,13 +1056,19 @@ def _rates_lanes(S, p, on, any_on, all_on, has, parted, xs, n, split, weighs, mo
         for l in range(n if split else 0):
             if parted[l]:
                 S[WEIGHT_ + l] = 0.0
+    if rippled:
+        for l in range(LANES):
+            angle = S[RIPPLE_CYCLES_ + l] * S[QS_ + l]
+            S[CONSTANT_ + l] = 1.0 + (
+                S[RIPPLE_SINE_ + l] * _sine(angle) + S[RIPPLE_COSINE_ + l] * _cosine(angle))
     if motor == LAGGING:
         for l in range(LANES):
-            S[DW_ + l] = (S[U_ + l] - S[EMF_ + l] * S[DQS_ + l] - S[WS_ + l]) * S[ELECTRICAL_ + l]
+            emf = S[CONSTANT_ + l] * S[EMF_ + l] * S[DQS_ + l]
+            S[DW_ + l] = (S[U_ + l] - emf - S[WS_ + l]) * S[ELECTRICAL_ + l]
             S[R_ + l] = S[WS_ + l]
     elif motor == PROMPT:
         for l in range(LANES):
-            S[WS_ + l] = S[R_ + l] = S[U_ + l] - S[EMF_ + l] * S[DQS_ + l]
+            S[WS_ + l] = S[R_ + l] = S[U_ + l] - S[CONSTANT_ + l] * S[EMF_ + l] * S[DQS_ + l]
     else:
         for l in range(n):
             S[WS_ + l], S[DW_ + l], S[DHEAT_ + l], S[R_ + l] = _motor(
@@ -1060,6 +1076,9 @@ def _rates_lanes(S, p, on, any_on, all_on, has, parted, xs, n, split, weighs, mo
     if limited:
         for l in range(LANES):
             S[R_ + l] = min(max(S[R_ + l], -S[LIMIT_ + l]), S[LIMIT_ + l])
+    if rippled:
+        for l in range(LANES):
+            S[R_ + l] *= S[CONSTANT_ + l]
     if has[1]:
         for l in range(LANES):
             S[SUM_ + l] = 1.0
@@ -1086,6 +1105,15 @@ def _rates_lanes(S, p, on, any_on, all_on, has, parted, xs, n, split, weighs, mo
     if ends == ONE_BODY:
         for l in range(LANES):
             S[DDQ_ + l] = S[R_ + l] * S[MOBILITY_ + l]
+    elif ends == PLAY_BETWEEN:
+        for l in range(LANES):
+            d = S[QS_ + l] - S[QLS_ + l]
+            deep = d - S[HALF_ + l] * (1.0 * (d > 0.0) - 1.0 * (d < 0.0))
+            al = S[OMEGA_ + l] * (S[OMEGA_ + l] * deep + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
+            al *= 1.0 * (abs(d) > S[HALF_ + l]) * (1.0 * (al * d >= 0.0))
+            S[R_ + l] -= S[INERTIA_ + l] * S[SHARE_ + l] * al
+            S[DDQ_ + l] = S[R_ + l] / (S[INERTIA_ + l] * (1.0 - S[SHARE_ + l]))
+            S[DDQL_ + l] = al - S[ARM_ + l] / (S[INERTIA_ + l] * max(S[SHARE_ + l], SMALL))
     elif ends == SPRING:
         for l in range(LANES):
             pull = S[OMEGA_ + l] * (S[QS_ + l] - S[QLS_ + l])
@@ -1136,14 +1164,19 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
     euler = P[0, STEPPING] > 0.0
     substeps = _steps(P[:1], switches[:1], t[1] - t[0], substeps)
     on, own = switches, np.zeros((n, 4), dtype=np.bool_)
-    union, common = switches[0].copy(), switches[0].copy()
+    since, to = np.zeros(switches.shape[1], dtype=np.int64), np.zeros(switches.shape[1], dtype=np.int64)
+    for l in range(n - 1, -1, -1):  # the lanes from the first to the last that have an effect
+        for column in range(switches.shape[1]):
+            if switches[l, column]:
+                since[column] = l
+                to[column] = max(to[column], l + 1)
+    union, common = to > 0, switches[0].copy()
     for l in range(n):
-        union |= switches[l]
         common &= switches[l]
     all_on = #common#
     any_on = #union#  # numbers instead of an array: the compiler keeps them at hand
     S, p, parted = np.zeros(ROWS * LANES), np.zeros((n, STEP + 1)), np.zeros(n, dtype=np.bool_)
-    _begin_lanes(starts, u[0], P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
+    springs, plays = _begin_lanes(starts, u[0], P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
     slots = np.zeros(4, dtype=np.bool_)
     _present(union, slots)
     has = (slots[0], slots[1], slots[2], slots[3])
@@ -1159,13 +1192,20 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
         direct = direct and p[l, TIMING] == 0.0 and not p[l, ELECTRICAL] < 0.0
         lagging += p[l, ELECTRICAL] > 0.0
         limited = limited or p[l, LIMIT] > 0.0
-    motor = OTHER
-    if not (warm or (RIPPLE >= 0 and any_on[RIPPLE])):
+    motor, rippled = OTHER, RIPPLE >= 0 and all_on[RIPPLE]
+    if rippled or not (RIPPLE >= 0 and any_on[RIPPLE]):
         motor = LAGGING if lagging == n else (PROMPT if lagging == 0 else OTHER)
-    limited = limited and motor != OTHER  # the others see to it themselves
+    motor = OTHER if warm else motor
+    limited, rippled = limited and motor != OTHER, rippled and motor != OTHER  # the others see to it themselves
+    S[CONSTANT_ : CONSTANT_ + LANES] = 1.0
     ends = OTHER
     if not ((PAYLOAD >= 0 and any_on[PAYLOAD]) or (GRASP >= 0 and any_on[GRASP])):
-        ends = ONE_BODY if not split else (SPRING if S[OMEGA_ : OMEGA_ + n].all() else OTHER)
+        if not split:
+            ends = ONE_BODY
+        elif springs == n:
+            ends = SPRING
+        elif plays == n and not (PLAY_POWER >= 0 and any_on[PLAY_POWER]):
+            ends = PLAY_BETWEEN
     with_x, with_extra = x.shape[0] == T, extra_in.shape[0] > 0
     lasted = np.full(LANES, T)
     resting = stopped = False
@@ -1263,7 +1303,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                         for l in range(LANES):
                             place = (h - S[LEFT_ + l] + S[AHEAD_ + l]) / h - 0.5
                             S[U_ + l] = S[MEAN_ + l] + S[RISE_ + l] * place
-                    _rates_lanes(S, p, on, any_on, all_on, has, parted, xs, n, split, weighs, motor, limited, ends)
+                    _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, weighs, motor, rippled,
+                                 limited, ends)
                     if stage == 0:
                         for l in range(n):
                             if S[SPAN_ + l] > 0.0:

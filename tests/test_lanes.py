@@ -28,7 +28,7 @@ SIZES = Scales(
     sample_time=2e-3,
     encoder_step=1e-4,
     revolute=True,
-    joints=1,
+    joints=2,
 )
 SAMPLES, LOGS = 700, 2
 
@@ -58,8 +58,8 @@ def candidates(count: int, seed: int, effects: int) -> tuple[np.ndarray, np.ndar
     return parameters, switches, np.tile([0.1, 0.0, 0.0], (count, LOGS, 1, 1))
 
 
-def stacked(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Time, command, its integral over samples, reading and bounds of LOGS logs."""
+def stacked(seed: int) -> tuple[np.ndarray, ...]:
+    """Time, command, its integral over samples, reading, motion of a neighbour and bounds of LOGS logs."""
     rng = np.random.default_rng(seed)
     time = np.tile(np.arange(SAMPLES) * SIZES.sample_time, LOGS)
     command = (6.0 * np.sin(9.0 * time) * (rng.uniform(size=len(time)) < 0.9))[:, None]
@@ -67,14 +67,15 @@ def stacked(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, 
     cumulative = np.zeros_like(command)
     for a, b in pairwise(bounds):
         cumulative[a + 1 : b] = np.cumsum(command[a : b - 1], axis=0)
-    return time, command, cumulative, 0.5 * np.sin(9.0 * time)[:, None], bounds
+    reading = 0.5 * np.sin(9.0 * time)[:, None]
+    return time, command, cumulative, reading, rng.normal(size=(len(time), 1, 3)), bounds
 
 
 def batched(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Prediction errors (C, T) in lanes."""
-    time, command, cumulative, reading, bounds = stacked(0)
+    time, command, cumulative, reading, near, bounds = stacked(0)
     out = np.empty((len(parameters), len(time), 1))
-    hold, near, extra = np.zeros(1, dtype=np.int64), np.zeros((0, 1, 3)), np.zeros((0, 0, 1))
+    hold, extra = np.zeros(1, dtype=np.int64), np.zeros((0, 0, 1))
     rigid = np.zeros((len(parameters), 3))
     arguments = (time, command, cumulative, hold, reading, near, extra, bounds, starts, parameters, switches)
     KERNEL.batch(*arguments, False, rigid, 20.0, 0.0, 1, out)
@@ -83,17 +84,17 @@ def batched(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray) ->
 
 def one_by_one(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """The same by the function for any number of joints."""
-    time, command, cumulative, reading, bounds = stacked(0)
+    time, command, cumulative, reading, near, bounds = stacked(0)
     out = np.empty((len(parameters), len(time), 1))
-    hold, near = np.zeros(1, dtype=np.int64), np.zeros((0, 1, 3))
+    hold, none = np.zeros(1, dtype=np.int64), np.zeros((0, 1, 3))
     for c in range(len(parameters)):
         for log, (a, b) in enumerate(pairwise(bounds)):
             KERNEL.module.run(
                 *(x[a:b] for x in (time, command, cumulative)),
                 hold,
                 reading[a:b],
-                near,
-                near[:, :, 0],
+                near[a:b],
+                none[:, :, 0],
                 starts[c, log],
                 parameters[c, log],
                 switches[c],
@@ -103,7 +104,7 @@ def one_by_one(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray)
                 0.0,
                 1,
                 out[c, a:b],
-                near,
+                none,
             )
     return out[..., 0]
 
@@ -114,17 +115,30 @@ def test_lanes_are_one_candidate_at_a_time_bit_by_bit(effects: int, seed: int) -
     assert np.array_equal(batched(*every), one_by_one(*every))
 
 
-def test_every_effect_alone_is_the_same_in_lanes() -> None:
-    found = candidates(2 * len(KERNEL.effects), 5, 0)
-    parameters, switches, _ = found
-    for c in range(len(parameters)):
-        chosen = KERNEL.effects[c // 2]
-        starts = list(chosen.starts(SIZES)) if chosen.starts else []
-        if starts:
-            switches[c, 0, c // 2] = True
-            parameters[c, :, 0, KERNEL.own(chosen)] = np.array(starts[-1 if c % 2 else 0])
-    assert switches.any(axis=2).sum() > len(KERNEL.effects)
-    assert np.array_equal(batched(*found), one_by_one(*found))
+def with_effect(name: str, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Candidates that have nothing but one effect, each from another of its starting values."""
+    parameters, switches, starts = candidates(count, seed, 0)
+    effect = next(effect for effect in KERNEL.effects if effect.name == name)
+    values = (
+        list(effect.starts(SIZES))
+        if effect.starts
+        else [[0.3 * (1.0 if p.upper > 1.0 else p.upper) for p in effect.parameters]]
+    )
+    for c in range(count):
+        switches[c, 0, KERNEL.switches[name]] = True
+        parameters[c, :, 0, KERNEL.own(effect)] = values[c % len(values)]
+    return parameters, switches, starts
+
+
+@pytest.mark.parametrize("name", [effect.name for effect in KERNEL.effects if effect.name != "timestamp_jitter"])
+def test_an_effect_in_all_lanes_and_in_some(name: str) -> None:
+    """Alone with itself, where it may have machine code of its own, and beside lanes without it."""
+    own, plain = with_effect(name, LANES - 1, 5), candidates(LANES + 2, 6, 0)
+    alone = one_by_one(*own)
+    assert np.array_equal(batched(*own), alone)
+    mixed = tuple(np.concatenate([mine[:3], other]) for mine, other in zip(own, plain, strict=True))
+    assert np.array_equal(batched(*mixed)[:3], alone[:3])
+    assert not np.array_equal(alone[:3], batched(*candidates(LANES - 1, 5, 0))[:3])
 
 
 def test_a_lane_that_runs_away_leaves_the_others_alone() -> None:

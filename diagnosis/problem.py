@@ -188,7 +188,7 @@ class Problem:
         out = np.empty((len(self.time), self.joints))
         none = np.zeros((0, self.joints, 3))
         for log, (a, b) in enumerate(pairwise(self.bounds)):
-            self.kernel.module.run(
+            self.kernel.motion(
                 self.time[a:b],
                 self.command[a:b],
                 self.cumulative[a:b],

@@ -180,6 +180,18 @@ class Kernel:
             spec.loader.exec_module(module)
         return sys.modules[name]
 
+    def motion(self, *arguments: Any) -> None:
+        """The generated `run`, which also writes the motion, by its quicker twin where that is about a single joint."""
+        if arguments[1].shape[1] > 1:
+            self.module.run(*arguments)
+            return
+        t, u, cumulative, hold, y, x, extra, start, parameters, on, _, _, leak, rate_leak, substeps, out, motion = (
+            arguments
+        )
+        extra = extra[None, :, 0] if len(extra) else np.zeros((0, 0))
+        signals = (t, u[:, 0], cumulative[:, 0], hold[0], y[:, 0], x[:, 0], extra, start, parameters, on)
+        self.module.run_lanes(*signals, leak, rate_leak, substeps, out[:, 0][None], motion[:, 0][None])
+
     def batch(self, *arguments: Any) -> None:
         """The generated function of the same name, its C L runs spread over all cores."""
         command, bounds, parameters = arguments[1], arguments[7], arguments[9]
@@ -1153,12 +1165,12 @@ def _pushed(S, state, step, rate):
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak, rate_leak, substeps, out):
+def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak, rate_leak, substeps, out, motion):
     """`run` for a single joint and up to LANES candidates at once that take the same steps.
 
     u, y (T,); x (T, 3 + R) or (0, 3); extra_in (n, T) or (0, 0); starts (n, 3); P (n, columns); switches (n, effects);
-    out (n, T). A candidate's states lie in the same lane of every row of S, so that one instruction moves them all;
-    what becomes of one lane does not depend on the others.
+    out (n, T); motion (n, T, 3): angle, velocity, motor torque (or empty). A candidate's states lie in the same lane of
+    every row of S, so that one instruction moves them all; what becomes of one lane does not depend on the others.
     """
     n, T = out.shape
     euler = P[0, STEPPING] > 0.0
@@ -1220,6 +1232,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                 S[ERROR_ + l] = y[k] - S[Q_ + l]
         for l in range(n):
             out[l, k] = S[ERROR_ + l]
+        for l in range(motion.shape[0]):
+            motion[l, k, 0], motion[l, k, 1], motion[l, k, 2] = S[Q_ + l], S[DQ_ + l], S[W_ + l]
         if k == T - 1:
             break
         dt = t[k + 1] - t[k]
@@ -1608,7 +1622,7 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
     Shapes as those of `batch`.
     """
     lo, hi = bounds[log], bounds[log + 1]
-    dt = t[lo + 1] - t[lo]
+    dt, motion = t[lo + 1] - t[lo], np.zeros((0, 0, 3))
     xo = x[lo:hi, 0] if x.shape[0] > 0 else np.zeros((0, 3))
     a = first
     while a < last:
@@ -1621,7 +1635,7 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
             b += 1
         eo = extra[a:b, lo:hi, 0] if extra.shape[0] > 0 else np.zeros((0, 0))
         run_lanes(t[lo:hi], u[lo:hi, 0], cumulative[lo:hi, 0], hold[0], y[lo:hi, 0], xo, eo, starts[a:b, log, 0],
-                  P[a:b, log, 0], on[a:b, 0], leak, rate_leak, substeps, out[a:b, lo:hi, 0])
+                  P[a:b, log, 0], on[a:b, 0], leak, rate_leak, substeps, out[a:b, lo:hi, 0], motion)
         a = b
 
 

@@ -141,6 +141,22 @@ def test_an_effect_in_all_lanes_and_in_some(name: str) -> None:
     assert not np.array_equal(alone[:3], batched(*candidates(LANES - 1, 5, 0))[:3])
 
 
+def test_the_motion_is_that_of_one_at_a_time() -> None:
+    time, command, cumulative, reading, near, _ = (x[:SAMPLES] for x in stacked(0))
+    parameters, switches, starts = candidates(6, 8, 2)
+    hold, none = np.zeros(1, dtype=np.int64), np.zeros((0, 1, 3))
+    for own, on, start in zip(parameters[:, 0], switches, starts[:, 0], strict=True):
+        found = []
+        for simulate in (KERNEL.motion, KERNEL.module.run):
+            out, motion = np.empty((SAMPLES, 1)), np.zeros((SAMPLES, 1, 3))
+            signals = (time, command, cumulative, hold, reading, near, none[:, :, 0], start, own, on)
+            simulate(*signals, False, np.zeros(3), 20.0, 0.0, 1, out, motion)
+            found.append((out, motion))
+        assert np.array_equal(found[0][0], found[1][0])
+        assert np.array_equal(found[0][1], found[1][1])
+        assert np.any(found[0][1][:, 0, 2])
+
+
 def test_a_lane_that_runs_away_leaves_the_others_alone() -> None:
     parameters, switches, starts = candidates(LANES, 6, 1)
     parameters[2, :, 0, NOMINAL.index("viscous")] = -40.0

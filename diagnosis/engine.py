@@ -47,6 +47,8 @@ FORK = 0.5
 """Share of the chosen effect's evidence from which another one may have been the better choice."""
 FORKS = 2
 """Other ways that are tried."""
+EQUAL = 0.9
+"""Share of an effect's evidence from which another law is tried in its place once all effects are there."""
 LUCKY = 0.5
 """Share of what noise lets all functions of the remainder explain that it may let one effect explain."""
 CLOSER = 0.3
@@ -325,8 +327,7 @@ class Search:
         chosen = simplified(problem, path.base, chosen, self.effects, settings)
         accepted, chosen = merged(problem, accepted, chosen, settings)
         accepted.append(chosen)
-        present = path.present | {(name, chosen.joint) for name in (chosen.name, *chosen.effect.includes)}
-        present |= {(name, chosen.joint) for name in chosen.effect.excludes}
+        present = path.present | stood_for(chosen)
         base = limits_settled(problem, chosen.scored.fitted, self.structures)
         base = timing_settled(problem, windings_settled(problem, base))
         steps = (*path.steps, base)
@@ -334,6 +335,37 @@ class Search:
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
         accepted, base = merged_afterwards(problem, accepted, base, settings)
         return replace(path, base=base, accepted=tuple(accepted), present=present, steps=steps, left=(), optima=optima)
+
+    def exchanged(self, path: Path) -> Path:
+        """The path with another law in the place of one of its effects, where that does better beside all others, and
+        continued from there.
+
+        What stands beside an effect now may have been missing when it was taken, and a near equal have come second only
+        for that.
+        """
+        problem, settings = self.problem, self.settings
+        for item in path.accepted:
+            others = tuple(other for other in path.accepted if other is not item)
+            near = {
+                r.name
+                for r in item.considered
+                if r.joint == item.joint and r.decrease - r.price > EQUAL * item.scored.evidence
+            } - {other.label for other in path.accepted if other.joint == item.joint}
+            rivals = [(effect, item.joint) for effect in self.effects if effect.label in near]
+            if not rivals:
+                continue
+            self.tell(f"another law in the place of {item.label}")
+            smaller = without(problem, path.base, item)
+            explained = self.nominal.criterion - smaller.criterion
+            best = choose(problem, try_all(problem, smaller, rivals), settings, explained, others)
+            if best is None:
+                continue
+            cost = best.scored.fitted.criterion + best.scored.price
+            if cost < path.base.criterion + item.scored.price - settings.threshold:
+                present = frozenset(place for other in others for place in stood_for(other))
+                shorter = replace(path, base=smaller, accepted=others, present=present, left=())
+                return self.grown(self.advanced(shorter, best))
+        return path
 
     def incomplete(self, path: Path) -> bool:
         """Whether something is left that neither noise nor inexact laws account for."""
@@ -361,6 +393,8 @@ def select(
     nominal = fit_nominal(problem, structures)
     search = Search(problem, structures, effects, settings, nominal, tell)
     path = search.grown(Path(nominal, (), frozenset(), (nominal,)))
+    if exchange and search.incomplete(path):
+        path = search.exchanged(path)
     forks = path.forks[:FORKS] if exchange else ()
     for earlier, other in forks:
         if not search.incomplete(path):
@@ -392,6 +426,13 @@ def select(
     return Finding(
         said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused, patched=pieces, optima=path.optima
     )
+
+
+def stood_for(item: Accepted) -> frozenset[tuple[str, int]]:
+    """The effects, each with its joint, that are not tried again beside an accepted one: itself, those that it includes
+    and those that it excludes."""
+    effect = item.effect
+    return frozenset((name, item.joint) for name in (effect.name, *effect.includes, *effect.excludes))
 
 
 def also_without_limits(

@@ -80,14 +80,16 @@ LANES = 8
 """Candidates of a single joint that are simulated at once."""
 LANE_ROWS = (
     *("Q", "DQ", "W", "HEAT", "QL", "DQL", "Z", "LAG"),
-    *("QS", "DQS", "WS", "HEATS", "QLS", "DQLS", "DDQ", "DW", "DHEAT", "DDQL"),
-    *("FIRST_Q", "FIRST_DQ", "FIRST_W", "FIRST_HEAT", "FIRST_QL", "FIRST_DQL"),
-    *("SUM_Q", "SUM_DQ", "SUM_W", "SUM_HEAT", "SUM_QL", "SUM_DQL"),
+    *("QS", "WS", "HEATS", "QLS"),
+    *("DQS", "DDQ", "DW", "DHEAT", "DQLS", "DDQL"),
+    *(f"FIRST_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
+    *(f"SUM_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
     *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING", "HALF", "CONSTANT"),
     *("ERROR", "OUTER", "RESIST", "PLACE", "ARM", "WEIGHT", "MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
 )
-"""Rows of the lanes' scratch, states and their rates first; those of the parameters follow."""
+"""Rows of the lanes' scratch: states, states within a step, their rates, the same at its beginning and summed over its
+stages, in the same order, then what the lanes need once; those of the parameters follow."""
 STANDING = ("INERTIA", "LOAD", "GRAVITY_SINE", "GRAVITY_COSINE")
 """Nominal parameters that lanes read where they stand among the others."""
 STRUCTURAL = {
@@ -282,6 +284,7 @@ def _source(kernel: Kernel) -> str:
         template = template.replace(f"#{symbol}#", f"({values},)")
     constants = [f"{row}_ = {place} * {LANES}" for place, row in enumerate(LANE_ROWS)]
     constants += [f"LANES, ROWS, STATES = {LANES}, {len(LANE_ROWS) + kernel.columns}, {LANE_ROWS.index('MOBILITY')}"]
+    constants += [f"RATES = {LANE_ROWS.index('FIRST_Q') - LANE_ROWS.index('DQS')}"]
     constants += [f"{row}_ = {lane_row(NOMINAL.index(row.lower()))}" for row in STANDING]
     constants += [f"FIRST_PARAMETER = {len(LANE_ROWS)}"]
     rippling = kernel.offsets.get("torque_ripple_reciprocal", 0)
@@ -1144,10 +1147,10 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _copied(S, target, source):
-    """One row of lanes into another."""
-    for l in range(LANES):
-        S[target + l] = S[source + l]
+def _copied(S, target, source, rows):
+    """So many rows of lanes into others."""
+    for i in range(rows * LANES):
+        S[target + i] = S[source + i]
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1278,7 +1281,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                     S[MEAN_ + l], S[RISE_ + l], S[LAG_ + l] = _through(
                         mean, rise, now, h, S[Q_ + l], S[DQ_ + l], S[W_ + l], S[LAG_ + l], p[l], on[l], own[l, 0],
                         euler)
-            _copied(S, RESIST_, OUTER_)
+            _copied(S, RESIST_, OUTER_, 1)
             if _bristled(any_on):
                 for l in range(n):
                     if _bristled(on[l]):
@@ -1334,21 +1337,9 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                                         S[SIGN_ + l] = 1.0 if S[R_ + l] > 0.0 else -1.0
                             if again:
                                 continue
-                            _copied(S, DRY_, LEVEL_)
-                            _copied(S, FIRST_Q_, DQS_)
-                            _copied(S, FIRST_DQ_, DDQ_)
-                            _copied(S, FIRST_W_, DW_)
-                            _copied(S, FIRST_HEAT_, DHEAT_)
-                            _copied(S, FIRST_QL_, DQLS_)
-                            _copied(S, FIRST_DQL_, DDQL_)
-                        _copied(S, SUM_Q_, DQS_)
-                        _copied(S, SUM_DQ_, DDQ_)
-                        _copied(S, SUM_W_, DW_)
-                        if warm:
-                            _copied(S, SUM_HEAT_, DHEAT_)
-                        if split:
-                            _copied(S, SUM_QL_, DQLS_)
-                            _copied(S, SUM_DQL_, DDQL_)
+                            _copied(S, DRY_, LEVEL_, 1)
+                            _copied(S, FIRST_Q_, DQS_, RATES)
+                        _copied(S, SUM_Q_, DQS_, RATES)
                         if euler:
                             stage = 3
                             for l in range(LANES):
@@ -1382,18 +1373,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                                 S[STOPPED_ + l], again, stopped = 1.0, True, True
                         if again:
                             stage = 1
-                            _copied(S, DQS_, FIRST_Q_)
-                            _copied(S, DDQ_, FIRST_DQ_)
-                            _copied(S, DW_, FIRST_W_)
-                            _copied(S, DHEAT_, FIRST_HEAT_)
-                            _copied(S, DQLS_, FIRST_QL_)
-                            _copied(S, DDQL_, FIRST_DQL_)
-                            _copied(S, SUM_Q_, FIRST_Q_)
-                            _copied(S, SUM_DQ_, FIRST_DQ_)
-                            _copied(S, SUM_W_, FIRST_W_)
-                            _copied(S, SUM_HEAT_, FIRST_HEAT_)
-                            _copied(S, SUM_QL_, FIRST_QL_)
-                            _copied(S, SUM_DQL_, FIRST_DQL_)
+                            _copied(S, DQS_, FIRST_Q_, RATES)
+                            _copied(S, SUM_Q_, FIRST_Q_, RATES)
                 for l in range(LANES):
                     S[STEP_ + l] = S[SPAN_ + l] / 6.0
                     S[Q_ + l] += S[STEP_ + l] * S[SUM_Q_ + l]

@@ -39,6 +39,7 @@ from diagnosis.remainder import remainder
 from diagnosis.replay import imitated_floor, noise_floor, transfer
 from diagnosis.search import (
     TURNS,
+    Ranked,
     Scored,
     containing,
     exchanged,
@@ -445,6 +446,24 @@ def test_at_their_limit_effects_only_take_the_place_of_others() -> None:
     assert {"stribeck_friction", "presliding_friction"} < names(True)
     assert not {"input_delay", "gravity_tilt", "coulomb_friction"} & names(True)
     assert [item.label for item in search.grown(path).accepted] == ["stribeck_friction"]
+
+
+def test_a_near_equal_takes_the_place_of_an_effect_where_it_does_better() -> None:
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    search = Search(problem, (JointStructure(),), EFFECTS, Settings(), nominal, lambda text: None)
+
+    def names(name: str, values: list[float], second: str, share: float) -> list[str]:
+        item = accepted(problem, nominal, name, values)
+        then = replace(item.scored, decrease=100.0 + item.scored.price)  # beside what is there no longer
+        item = replace(item, scored=then, considered=(Ranked(second, 0, 100.0 * share, 0.0),))
+        path = Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,))
+        return [item.label for item in search.exchanged(path).accepted]
+
+    assert names("quadratic_drag", [0.01], "coulomb_friction", 0.95) == ["coulomb_friction"]
+    assert names("quadratic_drag", [0.01], "coulomb_friction", 0.5) == ["quadratic_drag"]
+    assert names("coulomb_friction", [0.2], "quadratic_drag", 0.95) == ["coulomb_friction"]
 
 
 def test_one_event_has_one_name() -> None:

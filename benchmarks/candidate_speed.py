@@ -94,9 +94,10 @@ def _in_lanes(
 
     def run() -> None:
         for first in range(0, chosen.candidates, at_once):
-            kernel.module.batch_one(
-                *(instants, command, cumulative, hold, reading, near, extra, bounds, starts, parameters, switches),
-                *(False, rigid, 30.0, 0.0, 1, out, 0, first, min(first + at_once, chosen.candidates)),
+            some = slice(first, first + at_once)
+            kernel.batch(
+                *(instants, command, cumulative, hold, reading, near, extra, bounds, starts[some], parameters[some]),
+                *(switches[some], False, rigid[some], 30.0, 0.0, 1, out[some]),
             )
 
     return run

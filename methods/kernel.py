@@ -39,6 +39,7 @@ import inspect
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -47,6 +48,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numba
 import numpy as np
 
 from methods.effects.base import Effect
@@ -76,6 +78,7 @@ timing: by how much the command acts after it is logged [s], negative in the log
 read. stepping: 1 for a simulator that takes one semi-implicit Euler step per sample, friction by the sign of the
 velocity before it, else 0.
 """
+_compiling = threading.Lock()
 LANES = 8
 """Candidates of a single joint that are simulated at once."""
 LANE_ROWS = (
@@ -187,12 +190,29 @@ class Kernel:
         if arguments[1].shape[1] > 1:
             self.module.run(*arguments)
             return
-        t, u, cumulative, hold, y, x, extra, start, parameters, on, _, _, leak, rate_leak, substeps, out, motion = (
-            arguments
+        *signals, extra, start, parameters, on, pair, rigid, leak, rate_leak, substeps, out, motion = arguments
+        extra = np.zeros((0, 0, 1)) if not len(extra) else extra[None]
+        bounds = np.array([0, len(signals[0])])
+        model = (start[None, None], parameters[None, None], on[None], pair, rigid[None])
+        self._in_lanes(
+            *signals, extra, bounds, *model, leak, rate_leak, substeps, out[None], motion[None, :, 0], 0, 0, 1
         )
-        extra = extra[None, :, 0] if len(extra) else np.zeros((0, 0))
-        signals = (t, u[:, 0], cumulative[:, 0], hold[0], y[:, 0], x[:, 0], extra, start, parameters, on)
-        self.module.run_lanes(*signals, leak, rate_leak, substeps, out[:, 0][None], motion[:, 0][None])
+
+    def _in_lanes(self, *arguments: Any) -> None:
+        """The generated `batch_one`, compiled for these arguments where it is not: instructions for several lanes from
+        lines that are written out, which only this one gains from."""
+        function = self.module.batch_one
+        signature = tuple(map(numba.typeof, arguments))
+        if signature not in function.overloads:
+            options: Any = numba.config
+            with _compiling:
+                before = options.SLP_VECTORIZE, options.LOOP_VECTORIZE
+                options.SLP_VECTORIZE, options.LOOP_VECTORIZE = 1, 0
+                try:
+                    function.compile(signature)
+                finally:
+                    options.SLP_VECTORIZE, options.LOOP_VECTORIZE = before
+        function(*arguments)
 
     def batch(self, *arguments: Any) -> None:
         """The generated function of the same name, its C L runs spread over all cores."""
@@ -201,7 +221,8 @@ class Kernel:
         if command.shape[1] == 1:
             shares = np.linspace(0, count, -(-count // LANES) + 1).astype(int)
             tasks = [(log, *span) for log in range(logs) for span in pairwise(shares.tolist())]
-            each(lambda task: self.module.batch_one(*arguments, *task), tasks)
+            nothing = np.zeros((0, 0, 3))
+            each(lambda task: self._in_lanes(*arguments, nothing, *task), tasks)
             return
         shares = np.linspace(0, count * logs, min(count * logs, 2 * workers()) + 1).astype(int)
         each(lambda span: self.module.batch(*arguments, *span), pairwise(shares.tolist()))
@@ -296,8 +317,7 @@ def _source(kernel: Kernel) -> str:
     functions.append(inspect.getsource(network_value.py_func))
     head = (
         '"""Generated from methods/kernel.py; do not edit."""\n'
-        "import math\nimport numba\nimport numpy as np\nfrom numba import njit\n"
-        "numba.config.SLP_VECTORIZE, numba.config.LOOP_VECTORIZE = 1, 0  # lanes are written out, loops do not gain\n"
+        "import math\nimport numpy as np\nfrom numba import njit\n"
     )
     return head + "\n".join(constants) + "\n\n" + "\n\n".join(functions) + "\n" + template
 
@@ -1597,13 +1617,13 @@ def run_two(t, u, cumulative, hold, y, x, extra_in, start, P, switches, rigid, l
 
 @njit(cache=True, error_model='numpy', nogil=True)
 def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out,
-              log, first, last):
+              motion, log, first, last):
     """Candidates first to last of a single joint on one log, in lanes as far as they take the same steps.
 
-    Shapes as those of `batch`.
+    Shapes as those of `batch`; motion (C, T, 3) or empty.
     """
     lo, hi = bounds[log], bounds[log + 1]
-    dt, motion = t[lo + 1] - t[lo], np.zeros((0, 0, 3))
+    dt = t[lo + 1] - t[lo]
     xo = x[lo:hi, 0] if x.shape[0] > 0 else np.zeros((0, 3))
     a = first
     while a < last:
@@ -1616,7 +1636,8 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
             b += 1
         eo = extra[a:b, lo:hi, 0] if extra.shape[0] > 0 else np.zeros((0, 0))
         run_lanes(t[lo:hi], u[lo:hi, 0], cumulative[lo:hi, 0], hold[0], y[lo:hi, 0], xo, eo, starts[a:b, log, 0],
-                  P[a:b, log, 0], on[a:b, 0], leak, rate_leak, substeps, out[a:b, lo:hi, 0], motion)
+                  P[a:b, log, 0], on[a:b, 0], leak, rate_leak, substeps, out[a:b, lo:hi, 0],
+                  motion[a:b, lo:hi])
         a = b
 
 

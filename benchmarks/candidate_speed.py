@@ -11,14 +11,13 @@ the log. The best of several alternating repeats counts.
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable, Mapping, Sequence
 
 import mujoco
-import mujoco.rollout
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rollout import rollout, seconds
 from envs.log import Array
 from methods.effects import vocabulary
 from methods.kernel import LANES, NOMINAL, Kernel, build
@@ -55,7 +54,7 @@ def main() -> None:
             runs.append(_mujoco(effects, chosen))
         for run in runs:
             run()
-        best = np.min([[_seconds(run) for run in runs] for _ in range(chosen.repeats)], axis=0) / steps * 1e9
+        best = np.min([[seconds(run) for run in runs] for _ in range(chosen.repeats)], axis=0) / steps * 1e9
         line = f"{name:18}{best[0]:18.1f}{best[1]:18.1f}{best[1] / best[0]:8.1f}"
         print(line + (f"{best[2]:18.1f}{best[2] / best[0]:8.1f}" if len(best) > 2 else ""))
 
@@ -115,24 +114,7 @@ def _mujoco(effects: Mapping[str, Sequence[float]], chosen: argparse.Namespace) 
     body.add_joint(name="q", type=mujoco.mjtJoint.mjJNT_HINGE, armature=INERTIA, damping=damping, frictionloss=friction)
     motor = spec.add_actuator(name="motor", target="q", trntype=mujoco.mjtTrn.mjTRN_JOINT)
     motor.gainprm[0] = 1.0
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
-    initial = np.zeros((chosen.candidates, mujoco.mj_stateSize(model, kind)))
-    control = np.tile(_log(chosen.samples)[1], (chosen.candidates, 1, 1))
-    states = np.zeros((chosen.candidates, chosen.samples, initial.shape[1]))
-    pool = mujoco.rollout.Rollout(nthread=0)
-
-    def run() -> None:
-        pool.rollout(model, data, initial, control, state=states)
-
-    return run
-
-
-def _seconds(run: Callable[[], None]) -> float:
-    begin = time.perf_counter()
-    run()
-    return time.perf_counter() - begin
+    return rollout(spec.compile(), np.tile(_log(chosen.samples)[1], (chosen.candidates, 1, 1)), np.zeros(1))
 
 
 if __name__ == "__main__":

@@ -10,17 +10,13 @@ counts, since other programs on the machine only ever slow a run down.
 from __future__ import annotations
 
 import argparse
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
-import mujoco
-import mujoco.rollout
 import numpy as np
 
+from benchmarks.rollout import rollout, seconds
 from envs.adeptone import adeptone
 from envs.kernel import simulate
-from envs.log import Array
 from envs.mjcf import robot_spec
 from envs.robot import Robot
 
@@ -50,35 +46,12 @@ def measure_speed(robot: Robot, *, threads: int = 1, batch: int = 64, steps: int
     def by_kernel() -> None:
         simulate(robot, command, STEP, position=position, threads=threads)
 
-    by_mujoco = _mujoco_runner(robot, command, position, threads)
-    by_kernel()
-    seconds = [(_seconds(by_kernel), _seconds(by_mujoco)) for _ in range(repeats)]
-    best_kernel, best_mujoco = np.min(seconds, axis=0)
-    return Speed(threads, kernel=batch * steps / best_kernel, mujoco=batch * steps / best_mujoco)
-
-
-def _mujoco_runner(robot: Robot, command: Array, position: Array, threads: int) -> Callable[[], None]:
     model = robot_spec(robot, timestep=STEP, scenery=False).compile()
-    data = [mujoco.MjData(model) for _ in range(threads)]
-    data[0].qpos[:] = position
-    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
-    initial = np.zeros((len(command), mujoco.mj_stateSize(model, kind)))
-    mujoco.mj_getState(model, data[0], initial[0], kind)
-    initial[:] = initial[0]
-    control = command * robot.drive_values("amplifier_gain")
-    states = np.zeros((*command.shape[:2], initial.shape[1]))
-    pool = mujoco.rollout.Rollout(nthread=threads if threads > 1 else 0)
-
-    def run() -> None:
-        pool.rollout(model, data, initial, control, state=states)
-
-    return run
-
-
-def _seconds(run: Callable[[], None]) -> float:
-    start = time.perf_counter()
-    run()
-    return time.perf_counter() - start
+    by_mujoco = rollout(model, command * robot.drive_values("amplifier_gain"), position, threads)
+    by_kernel()
+    taken = [(seconds(by_kernel), seconds(by_mujoco)) for _ in range(repeats)]
+    best_kernel, best_mujoco = np.min(taken, axis=0)
+    return Speed(threads, kernel=batch * steps / best_kernel, mujoco=batch * steps / best_mujoco)
 
 
 def main() -> None:

@@ -916,7 +916,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             for j in range(n):
                 S[j, Q] += pull * out[k, j]
                 S[j, QL] += pull * out[k, j]
-                if rate_leak > 0.0 and not stuck[j]:
+                if rate_leak > 0.0 and S[j, DQ] != 0.0:
                     S[j, DQ] += rate_leak * dt * out[k, j]
                     S[j, DQL] += rate_leak * dt * out[k, j]
         for j in range(n):

@@ -10,7 +10,7 @@ import pytest
 
 from methods.effects import vocabulary
 from methods.effects.base import Scales
-from methods.kernel import LANES, NOMINAL, Kernel, build
+from methods.kernel import LANES, NOMINAL, SHAPES, Kernel, build
 
 KERNEL: Kernel = build(tuple(vocabulary()))
 SIZES = Scales(
@@ -71,22 +71,37 @@ def stacked(seed: int) -> tuple[np.ndarray, ...]:
     return time, command, cumulative, reading, rng.normal(size=(len(time), 1, 3)), bounds
 
 
-def batched(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Prediction errors (C, T) in lanes."""
+def torques(count: int, samples: int) -> np.ndarray:
+    """Further torques (C, T, 1) on the candidates."""
+    return np.random.default_rng(3).normal(size=(count, samples, 1))
+
+
+def arm_of(samples: int) -> np.ndarray:
+    """Motion of a neighbour and what an arm does to a joint, (T, 1, 4 + SHAPES)."""
+    return np.random.default_rng(4).normal(size=(samples, 1, 4 + SHAPES))
+
+
+def batched(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray, *, outside: bool = False) -> np.ndarray:
+    """Prediction errors (C, T) in lanes; outside: with torques from outside and an observer of the velocity."""
     time, command, cumulative, reading, near, bounds = stacked(0)
     out = np.empty((len(parameters), len(time), 1))
-    hold, extra = np.zeros(1, dtype=np.int64), np.zeros((0, 0, 1))
-    rigid = np.zeros((len(parameters), 3))
+    hold, rigid = np.zeros(1, dtype=np.int64), np.zeros((len(parameters), 3))
+    extra = torques(len(parameters), len(time)) if outside else np.zeros((0, 0, 1))
+    near = arm_of(len(time)) if outside else near
     arguments = (time, command, cumulative, hold, reading, near, extra, bounds, starts, parameters, switches)
-    KERNEL.batch(*arguments, False, rigid, 20.0, 0.0, 1, out)
+    KERNEL.batch(*arguments, False, rigid, 20.0, 100.0 * outside, 1, out)
     return out[..., 0]
 
 
-def one_by_one(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def one_by_one(
+    parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray, *, outside: bool = False
+) -> np.ndarray:
     """The same by the function for any number of joints."""
     time, command, cumulative, reading, near, bounds = stacked(0)
     out = np.empty((len(parameters), len(time), 1))
     hold, none = np.zeros(1, dtype=np.int64), np.zeros((0, 1, 3))
+    near = arm_of(len(time)) if outside else near
+    extra = torques(len(parameters), len(time)) if outside else np.zeros((len(parameters), 0, 1))
     for c in range(len(parameters)):
         for log, (a, b) in enumerate(pairwise(bounds)):
             KERNEL.module.run(
@@ -94,14 +109,14 @@ def one_by_one(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray)
                 hold,
                 reading[a:b],
                 near[a:b],
-                none[:, :, 0],
+                extra[c, a:b],
                 starts[c, log],
                 parameters[c, log],
                 switches[c],
                 False,
                 np.zeros(3),
                 20.0,
-                0.0,
+                100.0 * outside,
                 1,
                 out[c, a:b],
                 none,
@@ -113,6 +128,15 @@ def one_by_one(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray)
 def test_lanes_are_one_candidate_at_a_time_bit_by_bit(effects: int, seed: int) -> None:
     every = candidates(5 * LANES + 3, seed, effects)
     assert np.array_equal(batched(*every), one_by_one(*every))
+
+
+def test_torques_from_outside_and_an_observer_of_the_velocity() -> None:
+    parameters, switches, starts = candidates(2 * LANES + 3, 9, 1)
+    arm = NOMINAL.index("arm")
+    parameters[..., arm : arm + 1 + SHAPES] = np.random.default_rng(5).normal(size=(*parameters.shape[:3], 1 + SHAPES))
+    found = batched(parameters, switches, starts, outside=True)
+    assert np.array_equal(found, one_by_one(parameters, switches, starts, outside=True))
+    assert np.max(np.abs(found - batched(parameters, switches, starts))) > 1e-3
 
 
 def with_effect(name: str, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.hopping import Optimum, distances, hopped
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
-from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled, without_limits
+from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, regressed, windings_settled, without_limits
 from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import Problem, in_band
 from diagnosis.regression import View
@@ -40,6 +40,8 @@ from envs.log import Array
 from methods.effects.base import Effect
 from methods.parallel import each
 
+DRY = "coulomb_friction"
+"""The effect that the regression of the starting point knows."""
 JITTER = "timestamp_jitter"
 """The effect that shows in the scatter of the readings only."""
 Verdict = Literal["none", "named", "ambiguous", "unknown"]
@@ -291,6 +293,7 @@ class Search:
             ranked = try_all(problem, path.base, candidates, needed=needed)
             if not path.accepted and stuck(problem, ranked):
                 ranked = also_without_limits(problem, path.base, candidates, ranked)
+                ranked = also_from_regression(problem, self.structures, path.base, candidates, ranked)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
             ranked = with_limiting_effects(problem, path.base, ranked)
@@ -446,8 +449,36 @@ def also_without_limits(
     free = without_limits(problem, base)
     if free is None:
         return ranked
+    return either(ranked, [s.refitted(base, s.fitted) for s in try_all(problem, free, candidates)])
+
+
+def also_from_regression(
+    problem: Problem,
+    structures: tuple[JointStructure, ...],
+    base: Fitted,
+    candidates: Sequence[tuple[Effect, int]],
+    ranked: list[Scored],
+) -> list[Scored]:
+    """The hypotheses, dry friction as good as from the base or from the regression of the command on the motion.
+
+    Where a slow joint takes most of its torque to overcome friction, the base that does without may be far from all
+    that the joint is, and no way leads from there.
+    """
+    point, friction = regressed(problem, structures)
+    starts = [
+        Start(Hypothesis(effect, j), np.full((problem.logs, 1), friction[j]), 0.0)
+        for effect, j in candidates
+        if effect.name == DRY and friction[j] > 0.0
+    ]
+    points = [extend(problem, point, start.hypothesis, start.values) for start in starts]
+    fits = each(lambda own: fit(problem, own, rounds=3, iterations=12), points)
+    return either(ranked, [score(problem, base, *item) for item in zip(starts, fits, strict=True)])
+
+
+def either(ranked: Sequence[Scored], others: Sequence[Scored]) -> list[Scored]:
+    """Of every hypothesis the fit that explains more, best first."""
     best = {(s.name, s.start.hypothesis.joint): s for s in ranked}
-    for scored in (s.refitted(base, s.fitted) for s in try_all(problem, free, candidates)):
+    for scored in others:
         place = scored.name, scored.start.hypothesis.joint
         if place not in best or scored.decrease > best[place].decrease:
             best[place] = scored

@@ -48,8 +48,11 @@ class JointStructure:
     torque_limit: float = 0.0
 
 
-def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrical: tuple[bool, ...]) -> Point:
-    """Starting point: linear regression of the held command on smoothed derivatives, joint by joint."""
+def point_at(
+    problem: Problem, structures: tuple[JointStructure, ...], electrical: tuple[bool, ...]
+) -> tuple[Point, Array]:
+    """Starting point: linear regression of the held command on smoothed derivatives, joint by joint. With it goes the
+    dry friction (n,) that was regressed along."""
     n = problem.joints
     parameters = np.zeros((problem.logs, n, problem.kernel.columns))
     parameters[:, :, COLUMN["torque_square_mean"]] = 1.0
@@ -145,7 +148,8 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], electrica
     if problem.pair:
         _start_pair(parameters, rigid, free, pair, structures)
     switches = np.zeros((n, len(problem.kernel.effects)), dtype=bool)
-    return Point(parameters, switches, rigid, problem.starts.copy(), tuple(free))
+    friction = np.array([solution[2] for solution in solutions])
+    return Point(parameters, switches, rigid, problem.starts.copy(), tuple(free)), friction
 
 
 def _start_pair(
@@ -258,6 +262,10 @@ def windings_settled(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def _fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
-    """Fit of the nominal model; the winding's lag takes part in every voltage drive that has one."""
-    electrical = tuple(s.input == "voltage" and s.electrical for s in structures)
-    return fit(problem, point_at(problem, structures, electrical), rounds=3, iterations=12)
+    """Fit of the nominal model."""
+    return fit(problem, regressed(problem, structures)[0], rounds=3, iterations=12)
+
+
+def regressed(problem: Problem, structures: tuple[JointStructure, ...]) -> tuple[Point, Array]:
+    """Starting point and dry friction; the winding's lag takes part in every voltage drive that has one."""
+    return point_at(problem, structures, tuple(s.input == "voltage" and s.electrical for s in structures))

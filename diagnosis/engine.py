@@ -23,6 +23,7 @@ from diagnosis.search import (
     FORM,
     Ranked,
     Scored,
+    free_of_filter,
     hypotheses_of,
     in_turns,
     is_resolved,
@@ -42,6 +43,8 @@ from methods.parallel import each
 
 DRY = "coulomb_friction"
 """The effect that the regression of the starting point knows."""
+DRAG = 0.02
+"""Its torque as a share of the command's rms, from which it is tried as it was regressed."""
 JITTER = "timestamp_jitter"
 """The effect that shows in the scatter of the readings only."""
 Verdict = Literal["none", "named", "ambiguous", "unknown"]
@@ -241,7 +244,8 @@ class Path:
     """A way through the search: the effects accepted so far, the model with them, and where it could have gone instead.
 
     forks: at every step the hypotheses that came much closer or explained nearly as much, with the path up to there,
-    best first. unsteady: the evidence for disturbances that were refused because not all logs have them. optima: where
+    best first. equals: effects with their joints and the laws that explained nearly as much when they were taken.
+    unsteady: the evidence for disturbances that were refused because not all logs have them. optima: where
     fits stopped in rough ground when a play was found (`diagnosis.hopping`).
     """
 
@@ -253,6 +257,7 @@ class Path:
     refused: tuple[Ranked, ...] = ()
     unsteady: float = 0.0
     forks: tuple[tuple[Path, Accepted], ...] = ()
+    equals: frozenset[tuple[str, int, str]] = frozenset()
     optima: tuple[Optimum, ...] = ()
 
     @property
@@ -293,6 +298,7 @@ class Search:
             ranked = try_all(problem, path.base, candidates, needed=needed)
             if not path.accepted and stuck(problem, ranked):
                 ranked = also_without_limits(problem, path.base, candidates, ranked)
+            if not path.accepted:
                 ranked = also_from_regression(problem, self.structures, path.base, candidates, ranked)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
@@ -322,6 +328,7 @@ class Search:
     def advanced(self, path: Path, chosen: Accepted) -> Path:
         """The path with one more effect, in its simplest form, and without those that it makes superfluous."""
         problem, settings, accepted = self.problem, self.settings, list(path.accepted)
+        equals = path.equals | near_equals(chosen)
         scored = polish(problem, path.base, chosen.scored)
         fitted, optima = in_turns(problem, scored.fitted), path.optima
         if chosen.effect.scatters:  # an effect found beside it changes little of where the optimum is
@@ -337,7 +344,16 @@ class Search:
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
         accepted, base = merged_afterwards(problem, accepted, base, settings)
-        return replace(path, base=base, accepted=tuple(accepted), present=present, steps=steps, left=(), optima=optima)
+        return replace(
+            path,
+            base=base,
+            accepted=tuple(accepted),
+            present=present,
+            steps=steps,
+            left=(),
+            equals=equals,
+            optima=optima,
+        )
 
     def exchanged(self, path: Path) -> Path:
         """The path with another law in the place of one of its effects, where that does better beside all others, and
@@ -349,11 +365,8 @@ class Search:
         problem, settings = self.problem, self.settings
         for item in path.accepted:
             others = tuple(other for other in path.accepted if other is not item)
-            near = {
-                r.name
-                for r in item.considered
-                if r.joint == item.joint and r.decrease - r.price > EQUAL * item.scored.evidence
-            } - {other.label for other in path.accepted if other.joint == item.joint}
+            near = {name for label, joint, name in path.equals if (label, joint) == (item.label, item.joint)}
+            near -= {other.label for other in path.accepted if other.joint == item.joint}
             rivals = [(effect, item.joint) for effect in self.effects if effect.label in near]
             if not rivals:
                 continue
@@ -396,7 +409,7 @@ def select(
     nominal = fit_nominal(problem, structures)
     search = Search(problem, structures, effects, settings, nominal, tell)
     path = search.grown(Path(nominal, (), frozenset(), (nominal,)))
-    if exchange and search.incomplete(path):
+    if exchange and path.excess > 0.0:
         path = search.exchanged(path)
     forks = path.forks[:FORKS] if exchange else ()
     for earlier, other in forks:
@@ -431,6 +444,13 @@ def select(
     )
 
 
+def near_equals(item: Accepted) -> frozenset[tuple[str, int, str]]:
+    """An effect, its joint, and each law that explains nearly as much there when it is taken."""
+    least = EQUAL * item.scored.evidence
+    found = (r for r in item.considered if r.joint == item.joint and r.decrease - r.price > least)
+    return frozenset((item.label, item.joint, r.name) for r in found if r.name != item.label)
+
+
 def stood_for(item: Accepted) -> frozenset[tuple[str, int]]:
     """The effects, each with its joint, that are not tried again beside an accepted one: itself, those that it includes
     and those that it excludes."""
@@ -461,17 +481,20 @@ def also_from_regression(
 ) -> list[Scored]:
     """The hypotheses, dry friction as good as from the base or from the regression of the command on the motion.
 
-    Where a slow joint takes most of its torque to overcome friction, the base that does without may be far from all
+    Where a slow joint takes much of its torque to overcome friction, the base that does without may be far from all
     that the joint is, and no way leads from there.
     """
+    if not ranked or ranked[0].label == DRY:
+        return ranked
     point, friction = regressed(problem, structures)
+    least = DRAG * np.sqrt(np.mean(problem.command**2, axis=0))
     starts = [
         Start(Hypothesis(effect, j), np.full((problem.logs, 1), friction[j]), 0.0)
         for effect, j in candidates
-        if effect.name == DRY and friction[j] > 0.0
+        if effect.name == DRY and friction[j] > least[j]
     ]
     points = [extend(problem, point, start.hypothesis, start.values) for start in starts]
-    fits = each(lambda own: fit(problem, own, rounds=3, iterations=12), points)
+    fits = each(lambda own: free_of_filter(problem, own), points)
     return either(ranked, [score(problem, base, *item) for item in zip(starts, fits, strict=True)])
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import chi2
@@ -30,6 +31,7 @@ from diagnosis.replay import (
 )
 from diagnosis.result import Failure, Gap, LedgerRow
 from envs.log import Array
+from envs.log_statistics import position_noise
 from methods.kernel import NOMINAL
 
 WINDOW = 1.0
@@ -97,10 +99,11 @@ def steps(problem: Problem, held_out: Problem, finding: Finding, given: Point | 
 def floor_of(problem: Problem, held_out: Problem, finding: Finding, j: int) -> float:
     """Window error of the true model [rad or m] on the held-out logs, from the noise in the fitted ones; sensor noise
     alone where something real is left unexplained."""
-    if finding.verdict == "unknown":
-        sensor = problem.encoder_step / np.sqrt(12.0)
-        return noise_floor(problem, finding.final, j, WINDOW, max(sensor, 1e-12), coloured=False)
     innovation = float(np.sqrt(finding.final.variances[j]))
+    if finding.verdict == "unknown":
+        noise = [position_noise(problem.reading[a:b, j]) for a, b in pairwise(problem.bounds)]
+        sensor = max(problem.encoder_step / np.sqrt(12.0), min(float(np.sqrt(np.mean(np.square(noise)))), innovation))
+        return noise_floor(problem, finding.final, j, WINDOW, max(sensor, 1e-12), coloured=False)
     same = noise_floor(problem, finding.final, j, WINDOW, innovation, coloured=True)
     return float(np.sqrt(max(same**2 + faster(problem, held_out, finding, j), 0.1 * same**2)))
 

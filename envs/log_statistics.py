@@ -90,6 +90,15 @@ def quantisation_step(values: Array, share: float = 0.99) -> float | None:
     return step if np.mean(deviation < 0.05) >= share else None
 
 
+def position_noise(position: Array) -> float:
+    """Standard deviation [rad or m] of white noise on the position, from what lies in the upper half of its spectrum.
+
+    Half the power of white noise lies there; the smooth motion of an arm leaves nothing.
+    """
+    curved = np.diff(position, 4)  # differences of order 4 have the power gain (2 - 2 cos w)^4, mean 70
+    return float(np.sqrt(np.mean(curved**2) / 70.0))
+
+
 def spikes(values: Array, threshold: float = 12.0) -> Rows:
     """Indices of single samples that stand out from both neighbours while these agree with each other.
 

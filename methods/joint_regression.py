@@ -22,6 +22,7 @@ import numpy as np
 from scipy.signal import decimate, fftconvolve, savgol_filter
 
 from envs.log import Array, JointFacts, Log
+from envs.log_statistics import position_noise
 from methods.base import Estimates, Fit, Method, MethodError, Status
 from methods.differentiation import BandLimited, Signals
 from methods.joint_model import JointModel
@@ -114,7 +115,7 @@ class Preparation:
             power += float(own @ own)
             order = 3 if highest == "jerk" else 2
             gain = float(np.sum(filter_.kernel(order, log.sample_time) ** 2))
-            noise += position_noise(log) ** 2 * gain * len(own)
+            noise += position_noise(log.position[:, 0]) ** 2 * gain * len(own)
             count += len(own)
         return noise / max(power, 1e-300)
 
@@ -232,15 +233,6 @@ def excitation_band(log: Log) -> float:
     velocity = savgol_filter(log.position[:, 0], min(window, (len(log) - 1) // 2 * 2 - 1), 3, deriv=1)
     power = np.cumsum(np.abs(np.fft.rfft(velocity - np.mean(velocity))) ** 2)
     return (int(np.searchsorted(power, 0.95 * power[-1])) + 1) / log.duration
-
-
-def position_noise(log: Log) -> float:
-    """Standard deviation [rad or m] of white noise on the position, from what lies in the upper half of its spectrum.
-
-    Half the power of white noise lies there; the smooth motion of an arm leaves nothing.
-    """
-    curved = np.diff(log.position[:, 0], 4)  # differences of order 4 have the power gain (2 - 2 cos w)^4, mean 70
-    return float(np.sqrt(np.mean(curved**2) / 70.0))
 
 
 def parallel_filtered(matrix: Array, columns: tuple[ColumnName, ...], kernel: Array) -> Array:

@@ -20,10 +20,10 @@ import numpy as np
 from numba import njit
 
 from envs.log import Array, Log
+from envs.log_statistics import position_noise
 from methods.base import Fit, Method, Status
 from methods.idim_least_squares import IdimLeastSquares
 from methods.joint_model import JointModel
-from methods.joint_regression import position_noise
 from methods.physical_joint import FRICTION, SIGNED, coefficient_estimates, physical_model, physical_parameters
 from methods.registry import METHODS
 from methods.usable_logs import check_joint
@@ -73,7 +73,9 @@ class KalmanFilter(Method):
             innovations, likelihood = [], 0.0
             for log, part in zip(logs, signals, strict=True):
                 state = part.motion.state(0)
-                noise = max(position_noise(log), (log.facts[0].encoder_step or 0.0) / np.sqrt(12.0), 1e-9 * speed)
+                noise = max(
+                    position_noise(log.position[:, 0]), (log.facts[0].encoder_step or 0.0) / np.sqrt(12.0), 1e-9 * speed
+                )
                 x = np.concatenate(([state.position[0], state.velocity[0], part.command[0, 0]], mean))
                 x[2] -= np.exp(mean[1]) * state.velocity[0] if lag else 0.0
                 p = np.diag([noise**2, (0.05 * speed) ** 2, np.var(log.command), *np.zeros(len(mean))])

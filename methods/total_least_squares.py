@@ -19,8 +19,9 @@ import numpy as np
 from scipy.linalg import eigh
 
 from envs.log import Array, Log
+from envs.log_statistics import position_noise
 from methods.differentiation import BandLimited
-from methods.joint_regression import Equations, JointRegression, Preparation, position_noise
+from methods.joint_regression import Equations, JointRegression, Preparation
 from methods.least_squares import long_run_scatter, solve
 from methods.registry import METHODS
 from methods.regressor import ColumnName
@@ -46,7 +47,7 @@ class TotalLeastSquares(JointRegression):
             for k, name in enumerate(equations.columns):
                 if name in NOISY:
                     kernels[k] = filter_.kernel(NOISY[name], log.sample_time)
-            total += np.mean(equations.logs == number) * position_noise(log) ** 2 * kernels @ kernels.T
+            total += np.mean(equations.logs == number) * position_noise(log.position[:, 0]) ** 2 * kernels @ kernels.T
         return total
 
     def solve(self, equations: Equations) -> tuple[Array, Array, tuple[str, ...]]:

@@ -12,6 +12,7 @@ from diagnosis.engine import (
     Path,
     Search,
     Settings,
+    also_from_regression,
     also_without_limits,
     choose,
     coincides,
@@ -24,6 +25,7 @@ from diagnosis.engine import (
     merged,
     merged_afterwards,
     much_closer,
+    near_equals,
     nearly_as_good,
     settled_anew,
     textbook,
@@ -31,7 +33,7 @@ from diagnosis.engine import (
 from diagnosis.estimation import errors, finish, fit, plain, sensitivities
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import jitter
-from diagnosis.ledger import faster
+from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.problem import Problem, evenly, stack
 from diagnosis.regression import View, effective_samples
@@ -458,7 +460,7 @@ def test_a_near_equal_takes_the_place_of_an_effect_where_it_does_better() -> Non
         item = accepted(problem, nominal, name, values)
         then = replace(item.scored, decrease=100.0 + item.scored.price)  # beside what is there no longer
         item = replace(item, scored=then, considered=(Ranked(second, 0, 100.0 * share, 0.0),))
-        path = Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,))
+        path = Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,), equals=near_equals(item))
         return [item.label for item in search.exchanged(path).accepted]
 
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.95) == ["coulomb_friction"]
@@ -553,6 +555,28 @@ def test_the_first_effect_is_also_sought_without_a_limit_that_acts_only_for_want
     (found,) = also_without_limits(problem, base, candidates, [with_it])
     assert found.decrease > with_it.decrease + 1000.0
     assert found.fitted.point.value("amplifier_offset.voltage@0") == pytest.approx(0.3, rel=0.02)
+
+
+def test_dry_friction_also_begins_from_the_regression() -> None:
+    structures = (JointStructure(),)
+
+    def found(effects: dict[str, dict[str, float]], first: str) -> list[Scored]:
+        problem = problem_of(effects)
+        off = fit_nominal(problem, structures).point
+        vector = off.vector * np.array([8.0 if f.name == "inertia@0" else 1.0 for f in off.free])
+        error = errors(problem, [off.at(vector)])[0]
+        base = finish(problem, off.at(vector), error, whitener(problem, error))
+        other = accepted(problem, base, first, [0.01]).scored
+        candidates = [(NAMED[name], 0) for name in (first, "coulomb_friction")]
+        ranked = also_from_regression(problem, structures, base, candidates, [other])
+        assert other in ranked
+        return ranked
+
+    (best, _) = found({"coulomb_friction": {"torque": 0.8}}, "amplifier_offset")
+    assert best.name == "coulomb_friction"
+    assert best.fitted.point.value("coulomb_friction.torque@0") == pytest.approx(0.8, rel=0.01)
+    assert len(found({"coulomb_friction": {"torque": 0.8}}, "coulomb_friction")) == 1
+    assert len(found({}, "amplifier_offset")) == 1
 
 
 def test_what_a_later_effect_contains_is_dropped_in_the_end() -> None:
@@ -656,6 +680,19 @@ def test_the_floor_by_imitation_is_that_of_the_noise_and_of_what_short_logs_leav
     certain = imitated_floor(held_out, fitted, fitted.covariance, point, 1.0)[0]
     assert certain == pytest.approx(linear, rel=0.3)
     assert imitated_floor(held_out, fitted, 1e4 * fitted.covariance, point, 1.0)[0] > 2.0 * certain
+
+
+def test_noise_of_readings_that_no_encoder_rounds_makes_the_floor_of_what_stays_unknown() -> None:
+    log, noise = record({}), 2e-5
+    noisy = replace(log, position=log.position + noise * np.random.default_rng(1).standard_normal(log.position.shape))
+    fine = replace(noisy, facts=(replace(log.facts[0], encoder_step=None),))
+    problem = stack(KERNEL, [fine], (1,))
+    final = fit_nominal(problem, (JointStructure(),))
+    finding = SimpleNamespace(verdict="unknown", final=final, accepted=())
+    assert problem.encoder_step == 0.0
+    floor = floor_of(problem, problem, finding, 0)  # type: ignore[arg-type]
+    every = float(np.hypot(noise, np.std(problem.reading - noisy.position)))  # and what such readings are given
+    assert floor == pytest.approx(noise_floor(problem, final, 0, 1.0, every, coloured=False), rel=0.1)
 
 
 def jittering(rms: float) -> Problem:

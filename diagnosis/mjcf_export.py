@@ -83,7 +83,33 @@ class _Joint:
 
 
 def export(model: StructuredModel, units: Sequence[float | None], names: Sequence[str]) -> Exported:
-    """The model in MuJoCo's terms; `units` are command units per torque of each joint (None: not known)."""
+    """The model in MuJoCo's terms; `units` are command units per torque of each joint (None: not known).
+
+    Effects whose parameters MuJoCo refuses, such as a limit of zero, are left out like those that it does not have.
+    """
+    places = [(part.joint, effect) for part in model.parts for effect in part.effects]
+    try:
+        return _built(model, units, names, frozenset())
+    except (ValueError, ArithmeticError):
+        alone = [place for place in places if not _compiles(model, units, names, frozenset(places) - {place})]
+        return _built(model, units, names, frozenset(alone))
+
+
+def _compiles(
+    model: StructuredModel, units: Sequence[float | None], names: Sequence[str], without: frozenset[tuple[int, str]]
+) -> bool:
+    try:
+        _built(model, units, names, without)
+    except (ValueError, ArithmeticError):
+        return False
+    return True
+
+
+def _built(
+    model: StructuredModel, units: Sequence[float | None], names: Sequence[str], without: frozenset[tuple[int, str]]
+) -> Exported:
+    """The model without effects of some joints, which count as missing. Raises ValueError or
+    ArithmeticError where MuJoCo refuses it."""
     spec = mujoco.MjSpec()
     spec.modelname = "extended_model"
     spec.compiler.degree = False
@@ -104,8 +130,9 @@ def export(model: StructuredModel, units: Sequence[float | None], names: Sequenc
     for item in built:
         _drive(item)
         for effect, values in item.part.effects.items():
-            if not _ELEMENTS.get(labels[effect], _lacks)(item, values):
-                missing.append((item.part.joint, effect))
+            place = item.part.joint, effect
+            if place in without or not _ELEMENTS.get(labels[effect], _lacks)(item, values):
+                missing.append(place)
         if item.part.compensator is not None:
             missing.append((item.part.joint, COMPENSATOR))
         _constant(item)
@@ -244,7 +271,7 @@ def _constrained(item: _Joint, p: Values) -> bool:
     item.joint.frictionloss += item.torque(p["torque"])
     item.joint.solimp_friction = (p["hold"], p["hold"], 1e-3, 0.5, 2.0)
     item.joint.solref_friction = (2.0 * p["recovery_time"] / p["hold"], 1.0)
-    return p["hold"] > 0.0
+    return True
 
 
 def _bristles(item: _Joint, name: str, lugre: list[float]) -> bool:
@@ -350,6 +377,8 @@ def _flexible(item: _Joint, p: Values) -> bool:
 
 
 def _play(item: _Joint, p: Values) -> bool:
+    if p["gap"] <= 0.0:  # what is left of a play is its spring
+        return _flexible(item, p)
     if item.body.bodies or item.body.parent.name != "world":
         return False
     ratio = p["inertia_ratio"]

@@ -43,6 +43,7 @@ from envs.log_files import load, save
 from envs.plant.plant import record
 from methods.base import State
 from methods.effects import built_in
+from methods.effects.base import Effect
 from methods.kernel import build
 from methods.structured import PlanarCoupling, StructuredJoint, StructuredModel
 from methods.two_layer_network import TWO_SIGNALS, TwoLayerNetwork
@@ -421,6 +422,17 @@ def test_mujoco_follows_the_extended_model(name: str) -> None:
         model.simulate(time, command, start).position - model.without(1, name).simulate(time, command, start).position
     )
     assert difference < 5e-5 + 0.02 * effect
+
+
+@pytest.mark.parametrize("effect", [effect for effect in built_in() if effect.parameters], ids=lambda e: e.name)
+def test_mujoco_loads_an_effect_at_its_lower_bounds(effect: Effect) -> None:
+    from diagnosis.mjcf_export import export, reproduction
+
+    least = {p.name: p.lower if np.isfinite(p.lower) else 0.0 for p in effect.parameters}
+    model = model_of({"coulomb_friction": {"torque": 0.1}} | {effect.name: least})
+    exported = export(model, [0.008], ["shoulder"])
+    assert {name for _, name in exported.missing} <= {effect.name}
+    assert np.all(np.isfinite(reproduction(model, exported, ["shoulder"], excitation(300)[1])))
 
 
 def test_mujoco_follows_a_planar_pair() -> None:

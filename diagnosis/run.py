@@ -190,6 +190,7 @@ def diagnose(
             Extension(group, inputs, solved.units, solved.held_out, solved.last.point, solved.compensators)
         )
         seconds["results"] = seconds.get("results", 0.0) + clock.perf_counter() - started
+    findings += together_said(read, len(extensions), results)
     started = clock.perf_counter()
     tell("exporting the extended model")
     model = extended_model(extensions)
@@ -210,6 +211,17 @@ def diagnose(
         mujoco_difference=twin.difference,
     )
     return diagnosis, model, twin
+
+
+def together_said(read: Recordings, parts: int, results: Sequence[JointResult]) -> list[str]:
+    """What an arm's links do to one another is not known without a description, and effects may stand for it."""
+    left = [str(result.joint) for result in results if result.verdict == "unknown"]
+    if read.robot is not None or parts < 2 or not left:
+        return []
+    return [
+        f"joint {', '.join(left)}: other joints move, too, and what the links of an arm do to one another is not known "
+        "without its description; what is named here may stand for that. Give one with --robot"
+    ]
 
 
 def timing_said(solved: Solved, j: int) -> str:

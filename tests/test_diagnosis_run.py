@@ -35,7 +35,7 @@ from diagnosis.preparation import (
 from diagnosis.problem import DIVERGED, stack
 from diagnosis.replay import replay, rms, transfer, with_phases
 from diagnosis.result import Diagnosis, Estimate, Failure, NominalParameter
-from diagnosis.run import Solved, diagnose, joint_title, scale_said, solve
+from diagnosis.run import Solved, diagnose, joint_title, scale_said, solve, together_said
 from envs.adeptone import adeptone as adept_robot
 from envs.excitation import parse
 from envs.log import Array, JointFacts, Log
@@ -433,6 +433,17 @@ def test_mujoco_loads_an_effect_at_its_lower_bounds(effect: Effect) -> None:
     exported = export(model, [0.008], ["shoulder"])
     assert {name for _, name in exported.missing} <= {effect.name}
     assert np.all(np.isfinite(reproduction(model, exported, ["shoulder"], excitation(300)[1])))
+
+
+def test_joints_whose_arm_is_not_described_may_act_on_one_another() -> None:
+    results = [SimpleNamespace(joint=1, verdict="unknown"), SimpleNamespace(joint=3, verdict="named")]
+    bare, described = SimpleNamespace(robot=None), SimpleNamespace(robot=object())
+    (said,) = together_said(bare, 2, results)  # type: ignore[arg-type]
+    assert said.startswith("joint 1: ")
+    assert "--robot" in said
+    assert together_said(described, 2, results) == []  # type: ignore[arg-type]
+    assert together_said(bare, 1, results) == []  # type: ignore[arg-type]
+    assert together_said(bare, 2, results[1:]) == []  # type: ignore[arg-type]
 
 
 def test_mujoco_follows_a_planar_pair() -> None:

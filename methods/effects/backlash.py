@@ -33,6 +33,7 @@ EFFECT = Effect(
     amplitudes=(1,),
     scatters=True,
     starts=starts,
+    resolved=lambda p, s: p[0] > max(0.3 * s.encoder_step, 1e-3 * s.velocity_rms * s.sample_time),
     tries=3,
     excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side"),
     expected_failures=(

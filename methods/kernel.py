@@ -80,7 +80,7 @@ velocity before it, else 0.
 """
 _compiling = threading.Lock()
 LANES = 8
-"""Candidates of a single joint that are simulated at once."""
+"""Joints that are simulated at once: candidates of a single joint, or half as many of a planar pair."""
 LANE_ROWS = (
     *("Q", "DQ", "W", "HEAT", "QL", "DQL", "Z", "LAG"),
     *("QS", "WS", "HEATS", "QLS"),
@@ -90,6 +90,7 @@ LANE_ROWS = (
     *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING", "HALF", "CONSTANT"),
     *("ERROR", "OUTER", "RESIST", "PLACE", "ARM", "WEIGHT", "MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
+    *("COMMAND", "READING", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN", "FIRST_INERTIA", "CROSS", "SECOND_INERTIA"),
 )
 """Rows of the lanes' scratch: states, states within a step, their rates, the same at its beginning and summed over its
 stages, in the same order, then what the lanes need once; those of the parameters follow."""
@@ -199,9 +200,9 @@ class Kernel:
         )
 
     def _in_lanes(self, *arguments: Any) -> None:
-        """The generated `batch_one`, compiled for these arguments where it is not: instructions for several lanes from
-        lines that are written out, which only this one gains from."""
-        function = self.module.batch_one
+        """The generated `batch_one` or `batch_pair`, compiled for these arguments where it is not: instructions for
+        several lanes from lines that are written out, which only these gain from."""
+        function = self.module.batch_one if arguments[1].shape[1] == 1 else self.module.batch_pair
         signature = tuple(map(numba.typeof, arguments))
         if signature not in function.overloads:
             options: Any = numba.config
@@ -216,10 +217,10 @@ class Kernel:
 
     def batch(self, *arguments: Any) -> None:
         """The generated function of the same name, its C L runs spread over all cores."""
-        command, bounds, parameters = arguments[1], arguments[7], arguments[9]
-        count, logs = len(parameters), len(bounds) - 1
-        if command.shape[1] == 1:
-            shares = np.linspace(0, count, -(-count // LANES) + 1).astype(int)
+        command, neighbour, bounds, parameters, pair = (arguments[i] for i in (1, 5, 7, 9, 11))
+        count, logs, joints = len(parameters), len(bounds) - 1, command.shape[1]
+        if joints == 1 or (pair and joints == 2 and not len(neighbour)):
+            shares = np.linspace(0, count, -(-count * joints // LANES) + 1).astype(int)
             tasks = [(log, *span) for log in range(logs) for span in pairwise(shares.tolist())]
             nothing = np.zeros((0, 0, 3))
             each(lambda task: self._in_lanes(*arguments, nothing, *task), tasks)
@@ -298,13 +299,12 @@ def _source(kernel: Kernel) -> str:
     for symbol, array, count in (
         ("union", "union", len(kernel.effects)),
         ("common", "common", len(kernel.effects)),
-        *((joint, joint, kernel.columns + 3) for joint in ("first", "second")),
-        *((joint, joint, len(kernel.effects)) for joint in ("first_on", "second_on")),
     ):
         values = ", ".join(f"{array}[{i}]" for i in range(count))
         template = template.replace(f"#{symbol}#", f"({values},)")
     constants = [f"{row}_ = {place} * {LANES}" for place, row in enumerate(LANE_ROWS)]
     constants += [f"LANES, ROWS, STATES = {LANES}, {len(LANE_ROWS) + kernel.columns}, {LANE_ROWS.index('MOBILITY')}"]
+    constants += [f"HALF = {LANES // 2}"]
     constants += [f"RATES = {LANE_ROWS.index('FIRST_Q') - LANE_ROWS.index('DQS')}"]
     constants += [f"{row}_ = {lane_row(NOMINAL.index(row.lower()))}" for row in STANDING]
     constants += [f"FIRST_PARAMETER = {len(LANE_ROWS)}"]
@@ -1068,10 +1068,12 @@ def _begin_lanes(starts, u, P, on, h, S, p, has, parted):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, weighs, motor, rippled, limited, ends):
+def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, weighs, motor, rippled, limited, ends,
+                 rigid, hanging):
     """Time derivatives of LANES candidates at once: the same equations as `_rates`, row by row.
 
-    has: slots that any of them fills. ends: what the motor moves, if it is the same in all of them.
+    has: slots that any of them fills. ends: what the motor moves, if it is the same in all of them. rigid, hanging: see
+    `run_lanes` and `_planar_lanes`.
     """
     if weighs:
         for l in range(LANES):
@@ -1137,7 +1139,9 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
         #friction_lanes#
         for l in range(LANES):
             S[R_ + l] -= S[SIGN_ + l] * S[LEVEL_ + l]
-    if ends == ONE_BODY:
+    if rigid is not None:
+        _planar_lanes(S, p, on, any_on, has[3], hanging)
+    elif ends == ONE_BODY:
         for l in range(LANES):
             S[DDQ_ + l] = S[R_ + l] * S[MOBILITY_ + l]
     elif ends == PLAY_BETWEEN:
@@ -1161,9 +1165,63 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
             S[DDQ_ + l], S[DDQL_ + l], between = _joined(
                 S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[R_ + l], S[ARM_ + l], p[l], on[l])
             S[R_ + l] -= between
-    if has[3]:
+    if rigid is None and has[3]:
         for l in range(LANES):
             S[DDQ_ + l] *= S[FREE_ + l]
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _planar_lanes(S, p, on, any_on, dry, hanging):
+    """`_planar` of candidates whose joints lie in the first and in the second half of the lanes.
+
+    hanging: whether gravity acts on any of them. R ends as the torques on what does not rest.
+    """
+    if (PAYLOAD >= 0 and any_on[PAYLOAD]) or (GRASP >= 0 and any_on[GRASP]):
+        for l in range(LANES):
+            S[ADDED_ + l] = _payload(S[T_ + l], p[l], on[l])
+    if hanging:
+        for l in range(HALF):
+            q1, q2 = S[QS_ + l], S[QS_ + l] + S[QS_ + l + HALF]
+            pull = S[GRAVITY_SINE_ + l + HALF] * _sine(q2) + S[GRAVITY_COSINE_ + l + HALF] * _cosine(q2)
+            S[WEIGHT_ + l + HALF] = pull
+            S[WEIGHT_ + l] = pull / S[RATIO_ + l] + (
+                S[GRAVITY_SINE_ + l] * _sine(q1) + S[GRAVITY_COSINE_ + l] * _cosine(q1))
+    else:
+        for l in range(LANES):
+            S[WEIGHT_ + l] = 0.0
+    for l in range(HALF):
+        S[TURN_ + l] = _sine(S[QS_ + HALF + l])
+        S[CROSS_ + l] = _cosine(S[QS_ + HALF + l])
+    for l in range(HALF):
+        S[SECOND_INERTIA_ + l] = S[INERTIA_ + HALF + l] / S[RATIO_ + l] + S[ADDED_ + HALF + l] / S[RATIO_ + l]
+        S[FIRST_INERTIA_ + l] = (
+            S[INERTIA_ + l] + S[ADDED_ + l] + (S[SHARED_ + l] + S[ADDED_ + HALF + l] / S[RATIO_ + l])
+            + 2.0 * S[COUPLING_ + l] * S[CROSS_ + l])
+        S[CROSS_ + l] = (
+            S[SHARED_ + l] + S[ADDED_ + HALF + l] / S[RATIO_ + l] + S[COUPLING_ + l] * S[CROSS_ + l])
+    for l in range(HALF):
+        d1, d2, pull = S[DQS_ + l], S[DQS_ + HALF + l], S[COUPLING_ + l] * S[TURN_ + l]
+        S[R_ + l] = S[R_ + l] + pull * (2.0 * d1 * d2 + d2 * d2) - S[WEIGHT_ + l]
+        S[TURN_ + l] = (S[R_ + HALF + l] - S[WEIGHT_ + HALF + l]) / S[RATIO_ + l] - pull * d1 * d1
+        S[R_ + HALF + l] = S[TURN_ + l] * S[RATIO_ + l]
+    for l in range(HALF):
+        one, two, cross = S[FIRST_INERTIA_ + l], S[SECOND_INERTIA_ + l], S[CROSS_ + l]
+        det = one * two - cross * cross
+        S[DDQ_ + l] = (two * S[R_ + l] - cross * S[TURN_ + l]) / det
+        S[DDQ_ + HALF + l] = (one * S[TURN_ + l] - cross * S[R_ + l]) / det
+    for l in range(HALF if dry else 0):
+        m = l + HALF
+        if S[FREE_ + l] * S[FREE_ + m] > 0.0:
+            continue
+        r1, r2, cross = S[R_ + l], S[TURN_ + l], S[CROSS_ + l]
+        a1 = a2 = 0.0
+        if S[FREE_ + m] > 0.0:
+            a2 = r2 / S[SECOND_INERTIA_ + l]
+            S[R_ + l] = r1 - cross * a2
+        elif S[FREE_ + l] > 0.0:
+            a1 = r1 / S[FIRST_INERTIA_ + l]
+            S[R_ + m] = S[RATIO_ + l] * (r2 - cross * a1)
+        S[DDQ_ + l], S[DDQ_ + m] = a1, a2
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1187,17 +1245,63 @@ def _pushed(S, state, step, rate):
         S[state + l] += S[step + l] * S[rate + l]
 
 
-@njit(cache=True, error_model='numpy', nogil=True)
-def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak, rate_leak, substeps, out, motion):
-    """`run` for a single joint and up to LANES candidates at once that take the same steps.
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _held_pairs(S, asked):
+    """Lets what rests in planar pairs rest as long as dry friction holds it, once the levels are known (`asked`); one
+    joint breaks away at a time. Returns whether the torques have to be asked anew."""
+    again = False
+    for l in range(HALF):
+        m = l + HALF
+        if not S[SPAN_ + l] > 0.0:
+            continue
+        if not asked:
+            for joint in (l, m):
+                if S[LEVEL_ + joint] > 0.0 and S[SIGN_ + joint] == 0.0:
+                    S[FREE_ + joint], again = 0.0, True
+            continue
+        pull1 = abs(S[R_ + l]) / S[LEVEL_ + l] if S[FREE_ + l] == 0.0 else 0.0
+        pull2 = abs(S[R_ + m]) / S[LEVEL_ + m] if S[FREE_ + m] == 0.0 else 0.0
+        if max(pull1, pull2) > 1.0:
+            first = l if pull1 >= pull2 else m
+            S[FREE_ + first], S[SIGN_ + first], again = 1.0, 1.0 if S[R_ + first] > 0.0 else -1.0, True
+    return again
 
-    u, y (T,); x (T, 3 + R) or (0, 3); extra_in (n, T) or (0, 0); starts (n, 3); P (n, columns); switches (n, effects);
-    out (n, T); motion (n, T, 3): angle, velocity, motor torque (or empty). A candidate's states lie in the same lane of
-    every row of S, so that one instruction moves them all; what becomes of one lane does not depend on the others.
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _stopping_pairs(S):
+    """Ends the step of planar pairs where the first of the two joints would reverse against dry friction. Returns
+    whether there are any."""
+    again = False
+    for l in range(HALF):
+        m = l + HALF
+        if S[STOPPED_ + l] > 0.0 or S[STOPPED_ + m] > 0.0:
+            continue
+        share, first = 1.0, -1
+        for joint in (l, m):
+            if S[REVERSED_ + joint] < 0.0 and S[DRY_ + joint] > 0.0 and S[FREE_ + joint] > 0.0:
+                crossing = _crossing(S[DQ_ + joint], S[SPAN_ + joint] * S[FIRST_DQ_ + joint], S[TOTAL_ + joint])
+                if first < 0 or crossing < share:
+                    share, first = crossing, joint
+        if first >= 0:
+            S[SPAN_ + l] *= share
+            S[SPAN_ + m] *= share
+            S[STOPPED_ + first], again = 1.0, True
+    return again
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
+def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak, rate_leak, substeps, out, motion,
+              rigid):
+    """`run` for a single joint and up to LANES candidates at once that take the same steps, `substeps` per sample; or,
+    with the constants `rigid` (HALF, 3), for HALF candidates of a planar pair, joint 1 of them in the first lanes.
+
+    u, y (T, joints); hold (joints,); x (T, 3 + R) or (0, 3); extra_in (n, T) or (0, 0); starts (n, 3); P (n, columns);
+    switches (n, effects); out (n, T); motion (n, T, 3): angle, velocity, motor torque (or empty). A candidate's states
+    lie in the same lanes of every row of S, so that one instruction moves them all; what becomes of one candidate does
+    not depend on the others.
     """
     n, T = out.shape
     euler = P[0, STEPPING] > 0.0
-    substeps = _steps(P[:1], switches[:1], t[1] - t[0], substeps)
     on, own = switches, np.zeros((n, 4), dtype=np.bool_)
     since, to = np.zeros(switches.shape[1], dtype=np.int64), np.zeros(switches.shape[1], dtype=np.int64)
     for l in range(n - 1, -1, -1):  # the lanes from the first to the last that have an effect
@@ -1211,17 +1315,17 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
     all_on = #common#
     any_on = #union#  # numbers instead of an array: the compiler keeps them at hand
     S, p, parted = np.zeros(ROWS * LANES), np.zeros((n, STEP + 1)), np.zeros(n, dtype=np.bool_)
-    springs, plays = _begin_lanes(starts, u[0], P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
+    springs, plays = _begin_lanes(starts, u[0, 0], P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
     slots = np.zeros(4, dtype=np.bool_)
     _present(union, slots)
     has = (slots[0], slots[1], slots[2], slots[3])
-    split, warm = _flexible(any_on) or _playing(any_on), _warming(any_on)
+    split, warm, hanging = _flexible(any_on) or _playing(any_on), _warming(any_on), False
     senses, weighs = _load_side(any_on) or _sensing(any_on), LIGHT if _weighing(any_on) else 0
-    direct = hold == 0 and not (has[0] or (LAG >= 0 and any_on[LAG]) or (DELAY >= 0 and any_on[DELAY]))
+    direct = hold[0] == 0 and not (has[0] or (LAG >= 0 and any_on[LAG]) or (DELAY >= 0 and any_on[DELAY]))
     lagging, limited = 0, False
     for l in range(n):
         if p[l, GRAVITY_SINE] != 0.0 or p[l, GRAVITY_COSINE] != 0.0:
-            weighs = HEAVY
+            weighs, hanging = HEAVY, True
         elif p[l, LOAD] != 0.0:
             weighs = max(weighs, LIGHT)
         direct = direct and p[l, TIMING] == 0.0 and not p[l, ELECTRICAL] < 0.0
@@ -1241,18 +1345,33 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
             ends = SPRING
         elif plays == n and not (PLAY_POWER >= 0 and any_on[PLAY_POWER]):
             ends = PLAY_BETWEEN
+    u_other, cumulative_other = u[:, 0], cumulative[:, 0]
+    if rigid is not None:  # gravity of a pair is not that of its joints, and its transmissions are stiff
+        split, senses, weighs = False, _sensing(any_on), LIGHT if weighs else 0
+        direct = direct and hold[1] == 0
+        u_other, cumulative_other = u[:, 1], cumulative[:, 1]
+        for l in range(HALF):
+            S[LAG_ + HALF + l] = u[0, 1]
+            S[COUPLING_ + l], S[RATIO_ + l], S[SHARED_ + l] = rigid[l, 0], rigid[l, 1], rigid[l, 2]
+    u_one, cumulative_one = u[:, 0], cumulative[:, 0]
     with_x, with_extra = x.shape[0] == T, extra_in.shape[0] > 0
     lasted = np.full(LANES, T)
     resting = stopped = False
     t0, before, pull, alive, late, mean, rise = t[0], 0.0, 0.0, n, 0.0, 0.0, 0.0
     xs = (0.0, 0.0, 0.0)
     for k in range(T):
+        for l in range(LANES):
+            S[READING_ + l], S[COMMAND_ + l] = y[k, 0], u_one[k]
+        if rigid is not None:
+            for l in range(HALF, LANES):
+                S[READING_ + l], S[COMMAND_ + l] = y[k, 1], u_other[k]
         if senses:
             for l in range(n):
-                S[ERROR_ + l] = y[k] - _reading(S[QL_ + l] if _load_side(on[l]) else S[Q_ + l], p[l], on[l])
+                behind = rigid is None and _load_side(on[l])
+                S[ERROR_ + l] = S[READING_ + l] - _reading(S[QL_ + l] if behind else S[Q_ + l], p[l], on[l])
         else:
             for l in range(LANES):
-                S[ERROR_ + l] = y[k] - S[Q_ + l]
+                S[ERROR_ + l] = S[READING_ + l] - S[Q_ + l]
         for l in range(n):
             out[l, k] = S[ERROR_ + l]
         for l in range(motion.shape[0]):
@@ -1291,13 +1410,16 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                     S[DQ_ + l] = _grasp(now, h, S[DQ_ + l], p[l], on[l])
             if direct:
                 for l in range(LANES):
-                    S[U_ + l] = u[k]
+                    S[U_ + l] = S[COMMAND_ + l]
             else:
                 for l in range(n):
                     shift = _shift(dt, p[l], on[l])
-                    if l == 0 or shift != late:
+                    if l == 0 or shift != late or (rigid is not None and l == HALF):
                         late = shift
-                        mean, rise = _amplifier(k, i, substeps, shift, hold, u, cumulative)
+                        if rigid is not None and l >= HALF:
+                            mean, rise = _amplifier(k, i, substeps, shift, hold[1], u_other, cumulative_other)
+                        else:
+                            mean, rise = _amplifier(k, i, substeps, shift, hold[0], u_one, cumulative_one)
                     S[MEAN_ + l], S[RISE_ + l], S[LAG_ + l] = _through(
                         mean, rise, now, h, S[Q_ + l], S[DQ_ + l], S[W_ + l], S[LAG_ + l], p[l], on[l], own[l, 0],
                         euler)
@@ -1313,7 +1435,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
             for event in range(7):  # lanes that are done have a span of zero
                 stage = 0
                 if has[3]:
-                    resting = stopped = False
+                    resting = stopped = asked = False
                     for l in range(LANES):
                         S[SIGN_ + l] = 1.0 * (S[DQ_ + l] > 0.0) - 1.0 * (S[DQ_ + l] < 0.0)
                         S[FREE_ + l] = 1.0
@@ -1341,14 +1463,17 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                             place = (h - S[LEFT_ + l] + S[AHEAD_ + l]) / h - 0.5
                             S[U_ + l] = S[MEAN_ + l] + S[RISE_ + l] * place
                     _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, weighs, motor, rippled,
-                                 limited, ends)
+                                 limited, ends, rigid, hanging)
                     if stage == 0:
                         for l in range(n):
                             if S[SPAN_ + l] > 0.0:
                                 S[W_ + l] = S[WS_ + l]
                         if has[3]:
                             again = False
-                            for l in range(n if resting else 0):
+                            if rigid is not None and resting:
+                                again = _held_pairs(S, asked)
+                                asked = True
+                            for l in range(n if rigid is None and resting else 0):
                                 if S[SIGN_ + l] == 0.0 and S[FREE_ + l] > 0.0 and S[LEVEL_ + l] > 0.0 < S[SPAN_ + l]:
                                     again = True
                                     if abs(S[R_ + l]) <= S[LEVEL_ + l]:  # it stays at rest
@@ -1385,7 +1510,10 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                         for l in range(LANES):
                             S[TOTAL_ + l] = S[SPAN_ + l] / 6.0 * S[SUM_DQ_ + l]
                             S[REVERSED_ + l] = (S[DQ_ + l] + S[TOTAL_ + l]) * S[DQ_ + l]
-                        for l in range(n):
+                        if rigid is not None:
+                            again = _stopping_pairs(S)
+                            stopped = stopped or again
+                        for l in range(n if rigid is None else 0):
                             if S[REVERSED_ + l] < 0.0 and S[STOPPED_ + l] == 0.0 and S[DRY_ + l] > 0.0:
                                 # it would reverse: its step ends where it stops
                                 first = S[SPAN_ + l] * S[FIRST_DQ_ + l]
@@ -1416,9 +1544,12 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                     break
                 again = False
                 for l in range(LANES):
-                    left = 0.0
-                    if S[STOPPED_ + l] > 0.0:
+                    left, ended = 0.0, S[STOPPED_ + l] > 0.0
+                    if ended:
                         S[DQ_ + l] = 0.0
+                    if rigid is not None:  # if one of the two stops, both go on from there
+                        ended = ended or S[STOPPED_ + (l + HALF) % LANES] > 0.0
+                    if ended:
                         S[BEGIN_ + l] += S[SPAN_ + l]
                         S[LEFT_ + l] -= S[SPAN_ + l]
                         left = max(S[LEFT_ + l], 0.0)
@@ -1427,7 +1558,10 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                 if not again:
                     break
         for l in range(n):
-            if not abs(S[DQ_ + l]) < 1e9:
+            runs = abs(S[DQ_ + l]) < 1e9
+            if rigid is not None:
+                runs = runs and abs(S[DQ_ + (l + HALF) % LANES]) < 1e9 and lasted[(l + HALF) % LANES] == T
+            if not runs:
                 if lasted[l] == T:
                     lasted[l] = k + 1
                     alive -= 1
@@ -1437,182 +1571,6 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
             break
     for l in range(n):
         out[l, lasted[l]:] = 1e6
-
-
-@njit(cache=True, forceinline=True, error_model='numpy')
-def _rates_two(t, q1, d1, w1, heat1, q2, d2, w2, heat2, v1, v2, x1, x2, sign1, sign2, stuck1, stuck2, p1, p2, on1, on2,
-               has1, has2, load1, load2, p3, s, shared):
-    """Scalar twin of _rates for a planar pair: per joint w, w', heat', q'', torque less dry friction, level."""
-    arm1 = _on_arm(t, q1, d1, w1, x1, p1, on1, has1[2], True)
-    arm2 = _on_arm(t, q2, d2, w2, x2, p2, on2, has2[2], True)
-    w1, change1, heating1, r1, level1 = _chain(t, q1, d1, w1, heat1, arm1, v1, x1, p1, on1, has1, load1)
-    w2, change2, heating2, r2, level2 = _chain(t, q2, d2, w2, heat2, arm2, v2, x2, p2, on2, has2, load2)
-    a1, a2, rhs1, rhs2 = _planar(t, q1, d1, q2, d2, r1 - sign1 * level1, r2 - sign2 * level2, stuck1, stuck2, p1, p2,
-                                 on1, on2, p3, s, shared)
-    return w1, change1, heating1, a1, rhs1, level1, w2, change2, heating2, a2, rhs2, level2
-
-
-@njit(cache=True, error_model='numpy', nogil=True)
-def run_two(t, u, cumulative, hold, y, x, extra_in, start, P, switches, rigid, leak, rate_leak, substeps, out):
-    """`run` for a planar pair with its states in registers. u, y (T, 2); x (T, 2, 3) or (0, 2, 3); out (T, 2)."""
-    T = u.shape[0]
-    euler = P[0, STEPPING] > 0.0
-    substeps = _steps(P, switches, t[1] - t[0], substeps)
-    whole = _resolved(P, (t[1] - t[0]) / substeps)
-    first, second, first_on, second_on = whole[0], whole[1], switches[0], switches[1]
-    slots = np.zeros((2, 4), dtype=np.bool_)
-    _present(first_on, slots[0])
-    _present(second_on, slots[1])
-    p1, p2 = #first#, #second#
-    on1, on2 = #first_on#, #second_on#
-    has1 = (slots[0, 0], slots[0, 1], slots[0, 2], slots[0, 3])
-    has2 = (slots[1, 0], slots[1, 1], slots[1, 2], slots[1, 3])
-    p3, s, shared = rigid[0], rigid[1], rigid[2]
-    u1, u2, cumulative1, cumulative2 = u[:, 0], u[:, 1], cumulative[:, 0], cumulative[:, 1]
-    q1, d1, w1, lag1, heat1, z1 = start[0, 0], start[0, 1], start[0, 2], u[0, 0], 0.0, 0.0
-    q2, d2, w2, lag2, heat2, z2 = start[1, 0], start[1, 1], start[1, 2], u[0, 1], 0.0, 0.0
-    with_x, with_extra = x.shape[0] == T, extra_in.shape[0] == T
-    t0, before, pull = t[0], 0.0, 0.0
-    for k in range(T):
-        e1, e2 = y[k, 0] - _reading(q1, p1, on1), y[k, 1] - _reading(q2, p2, on2)
-        out[k, 0], out[k, 1] = e1, e2
-        if k == T - 1:
-            break
-        dt = t[k + 1] - t[k]
-        if leak > 0.0:
-            if dt != before:
-                before = dt
-                pull = 1.0 - math.exp(-leak * dt)
-            q1 += pull * e1
-            q2 += pull * e2
-            if rate_leak > 0.0:
-                if d1 != 0.0:
-                    d1 += rate_leak * dt * e1
-                if d2 != 0.0:
-                    d2 += rate_leak * dt * e2
-        x1, x2 = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        outer1, outer2 = 0.0, 0.0
-        if with_extra:
-            outer1, outer2 = extra_in[k, 0], extra_in[k, 1]
-        if with_x:
-            x1, x2 = (x[k, 0, 0], x[k, 0, 1], x[k, 0, 2]), (x[k, 1, 0], x[k, 1, 1], x[k, 1, 2])
-            for i in range(3, x.shape[2]):
-                outer1 += P[0, ARM + i - 3] * x[k, 0, i]
-                outer2 += P[1, ARM + i - 3] * x[k, 1, i]
-        h = dt / substeps
-        for i in range(substeps):
-            now = t[k] - t0 + i * h
-            d1, d2 = _grasp(now, h, d1, p1, on1), _grasp(now, h, d2, p2, on2)
-            v1, rise1, lag1 = _driven(k, i, substeps, dt, now, h, hold[0], u1, cumulative1, q1, d1, w1, lag1, p1, on1,
-                                      has1[0], euler)
-            v2, rise2, lag2 = _driven(k, i, substeps, dt, now, h, hold[1], u2, cumulative2, q2, d2, w2, lag2, p2, on2,
-                                      has2[0], euler)
-            load1, load2 = outer1, outer2
-            if _bristled(on1):
-                torque, z1 = _bristle(z1, d1, h, p1, on1)
-                load1 += torque
-            if _bristled(on2):
-                torque, z2 = _bristle(z2, d2, h, p2, on2)
-                load2 += torque
-            left = h
-            for event in range(7):
-                span, stage, asked, stopped = left, 0, False, 0
-                stuck1, stuck2, dry1, dry2 = False, False, False, False
-                sign1 = 1.0 if d1 > 0.0 else (-1.0 if d1 < 0.0 else 0.0)
-                sign2 = 1.0 if d2 > 0.0 else (-1.0 if d2 < 0.0 else 0.0)
-                dq1, ws1, hs1, a1, dq2, ws2, hs2, a2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-                first_dq1, first_w1, first_h1, first_a1 = 0.0, 0.0, 0.0, 0.0
-                first_dq2, first_w2, first_h2, first_a2 = 0.0, 0.0, 0.0, 0.0
-                sum_q1, sum_w1, sum_h1, sum_a1, sum_q2, sum_w2, sum_h2, sum_a2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-                wb1, wb2 = w1, w2
-                while stage < 4:  # the stages of the Runge-Kutta step, one after the other in the same machine code
-                    ahead = 0.0 if stage == 0 else (0.5 * span if stage < 3 else span)
-                    place = (h - left + ahead) / h - 0.5
-                    qs1, qs2 = q1 + ahead * dq1, q2 + ahead * dq2
-                    dq1, dq2 = d1 + ahead * a1, d2 + ahead * a2
-                    wb1, ws1, hs1, a1, rhs1, level1, wb2, ws2, hs2, a2, rhs2, level2 = _rates_two(
-                        now + ahead, qs1, dq1, w1 + ahead * ws1, heat1 + ahead * hs1, qs2, dq2, w2 + ahead * ws2,
-                        heat2 + ahead * hs2, v1 + rise1 * place, v2 + rise2 * place, x1, x2, sign1, sign2, stuck1,
-                        stuck2, p1, p2, on1, on2, has1,
-                        has2, load1, load2, p3, s, shared)
-                    if stuck1:
-                        dq1 = 0.0
-                    if stuck2:
-                        dq2 = 0.0
-                    if stage == 0:
-                        w1, w2 = wb1, wb2
-                        if not asked:
-                            asked = True
-                            dry1, dry2 = level1 > 0.0, level2 > 0.0
-                            stuck1, stuck2 = dry1 and sign1 == 0.0, dry2 and sign2 == 0.0
-                            if stuck1 or stuck2:  # at rest: what would it take to hold it there?
-                                continue
-                        pull1 = abs(rhs1) / level1 if stuck1 else 0.0
-                        pull2 = abs(rhs2) / level2 if stuck2 else 0.0
-                        if max(pull1, pull2) > 1.0:  # one breaks away, and what the other takes is asked anew
-                            if pull1 >= pull2:
-                                stuck1, sign1 = False, 1.0 if rhs1 > 0.0 else -1.0
-                            else:
-                                stuck2, sign2 = False, 1.0 if rhs2 > 0.0 else -1.0
-                            continue
-                        first_dq1, first_w1, first_h1, first_a1 = dq1, ws1, hs1, a1
-                        first_dq2, first_w2, first_h2, first_a2 = dq2, ws2, hs2, a2
-                        sum_q1, sum_w1, sum_h1, sum_a1 = dq1, ws1, hs1, a1
-                        sum_q2, sum_w2, sum_h2, sum_a2 = dq2, ws2, hs2, a2
-                        if euler:
-                            stage = 3
-                            sum_w1, sum_h1, sum_a1 = 6.0 * ws1, 6.0 * hs1, 6.0 * a1
-                            sum_w2, sum_h2, sum_a2 = 6.0 * ws2, 6.0 * hs2, 6.0 * a2
-                            sum_q1, sum_q2 = 6.0 * dq1 + span * sum_a1, 6.0 * dq2 + span * sum_a2
-                    else:
-                        weight = 2.0 if stage < 3 else 1.0
-                        sum_q1 += weight * dq1
-                        sum_w1 += weight * ws1
-                        sum_h1 += weight * hs1
-                        sum_a1 += weight * a1
-                        sum_q2 += weight * dq2
-                        sum_w2 += weight * ws2
-                        sum_h2 += weight * hs2
-                        sum_a2 += weight * a2
-                    stage += 1
-                    if stage == 4 and stopped == 0 and event < 6 and not euler:
-                        share = 1.0
-                        change1, change2 = span / 6.0 * sum_a1, span / 6.0 * sum_a2
-                        if dry1 and not stuck1 and d1 != 0.0 and (d1 + change1) * d1 < 0.0:  # it would reverse
-                            share, stopped = _crossing(d1, span * first_a1, change1), 1
-                        if dry2 and not stuck2 and d2 != 0.0 and (d2 + change2) * d2 < 0.0:
-                            part = _crossing(d2, span * first_a2, change2)
-                            if part < share:
-                                share, stopped = part, 2
-                        if stopped > 0:  # the step ends there
-                            span *= share
-                            stage = 1
-                            dq1, ws1, hs1, a1 = first_dq1, first_w1, first_h1, first_a1
-                            dq2, ws2, hs2, a2 = first_dq2, first_w2, first_h2, first_a2
-                            sum_q1, sum_w1, sum_h1, sum_a1 = dq1, ws1, hs1, a1
-                            sum_q2, sum_w2, sum_h2, sum_a2 = dq2, ws2, hs2, a2
-                q1 += span / 6.0 * sum_q1
-                d1 += span / 6.0 * sum_a1
-                q2 += span / 6.0 * sum_q2
-                d2 += span / 6.0 * sum_a2
-                w1 = w1 + span / 6.0 * sum_w1 if p1[ELECTRICAL] > 0.0 else wb1
-                w2 = w2 + span / 6.0 * sum_w2 if p2[ELECTRICAL] > 0.0 else wb2
-                heat1 += span / 6.0 * sum_h1
-                heat2 += span / 6.0 * sum_h2
-                if stopped == 0:
-                    break
-                if stopped == 1:
-                    d1 = 0.0
-                else:
-                    d2 = 0.0
-                now += span
-                left -= span
-                if left <= 0.0:
-                    break
-        if not (abs(d1) < 1e9 and abs(d2) < 1e9):
-            for kk in range(k + 1, T):
-                out[kk, 0], out[kk, 1] = 1e6, 1e6
-            return
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
@@ -1635,9 +1593,44 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
         ):
             b += 1
         eo = extra[a:b, lo:hi, 0] if extra.shape[0] > 0 else np.zeros((0, 0))
-        run_lanes(t[lo:hi], u[lo:hi, 0], cumulative[lo:hi, 0], hold[0], y[lo:hi, 0], xo, eo, starts[a:b, log, 0],
-                  P[a:b, log, 0], on[a:b, 0], leak, rate_leak, substeps, out[a:b, lo:hi, 0],
-                  motion[a:b, lo:hi])
+        run_lanes(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], xo, eo, starts[a:b, log, 0],
+                  P[a:b, log, 0], on[a:b, 0], leak, rate_leak, steps, out[a:b, lo:hi, 0],
+                  motion[a:b, lo:hi], None)
+        a = b
+
+
+@njit(cache=True, error_model='numpy', nogil=True)
+def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out,
+               motion, log, first, last):
+    """Candidates first to last of a planar pair on one log, without neighbours, as `batch_one`.
+
+    Lanes that are left over repeat the last candidate.
+    """
+    lo, hi = bounds[log], bounds[log + 1]
+    T, dt = hi - lo, t[lo + 1] - t[lo]
+    row, own = np.zeros((LANES, P.shape[3])), np.zeros((LANES, on.shape[2]), dtype=np.bool_)
+    begin, constants, errors = np.zeros((LANES, 3)), np.zeros((HALF, 3)), np.zeros((LANES, T))
+    outer = np.zeros((LANES if extra.shape[0] > 0 else 0, T if extra.shape[0] > 0 else 0))
+    a = first
+    while a < last:
+        steps, stepping = _steps(P[a, log], on[a], dt, substeps), P[a, log, 0, STEPPING] > 0.0
+        b = a + 1
+        while (
+            b < last and b < a + HALF and (P[b, log, 0, STEPPING] > 0.0) == stepping
+            and _steps(P[b, log], on[b], dt, substeps) == steps
+        ):
+            b += 1
+        for l in range(LANES):
+            candidate, joint = min(a + l % HALF, b - 1), l // HALF
+            row[l], own[l], begin[l] = P[candidate, log, joint], on[candidate, joint], starts[candidate, log, joint]
+            constants[l % HALF] = rigid[candidate]
+            if extra.shape[0] > 0:
+                outer[l] = extra[candidate, lo:hi, joint]
+        run_lanes(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], np.zeros((0, 3)), outer, begin, row, own, leak,
+                  rate_leak, steps, errors, motion[:, lo:hi], constants)
+        for candidate in range(a, b):
+            for joint in range(2):
+                out[candidate, lo:hi, joint] = errors[candidate - a + joint * HALF]
         a = b
 
 
@@ -1656,10 +1649,6 @@ def batch(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigi
         lo, hi = bounds[l], bounds[l + 1]
         xl = x[lo:hi] if x.shape[0] > 0 else x
         el = extra[b, lo:hi] if extra.shape[0] > 0 else np.zeros((0, u.shape[1]))
-        if pair and u.shape[1] == 2:
-            run_two(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], xl, el, starts[b, l], P[b, l], on[b],
-                    rigid[b], leak, rate_leak, substeps, out[b, lo:hi])
-            continue
         run(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], xl, el, starts[b, l], P[b, l], on[b],
             pair, rigid[b], leak, rate_leak, substeps, out[b, lo:hi], empty)
 '''

@@ -139,6 +139,60 @@ def test_torques_from_outside_and_an_observer_of_the_velocity() -> None:
     assert np.max(np.abs(found - batched(parameters, switches, starts))) > 1e-3
 
 
+def pairs(count: int, seed: int, effects: int) -> tuple[np.ndarray, ...]:
+    """Parameters (C, L, 2, columns), switches (C, 2, effects), starts (C, L, 2, 3) and constants (C, 3) of planar
+    pairs, some of which hang, some of which rest for a while."""
+    rng = np.random.default_rng(seed)
+    one, two = candidates(count, seed, effects), candidates(count, seed + 100, effects)
+    parameters, starts = (np.concatenate([one[i], two[i]], axis=2) for i in (0, 2))
+    switches = np.concatenate([one[1], two[1]], axis=1)
+    stiff = [KERNEL.switches[e.name] for e in KERNEL.effects if e.label in ("backlash", "joint_flexibility")]
+    switches[..., stiff] = False
+    sign = np.where(np.arange(count) % 2, 1.0, 0.6)
+    rigid = np.stack([0.02 * rng.uniform(-1.0, 1.0, count), sign, 0.9 * parameters[:, 0, 1, 0] / sign], axis=1)
+    parameters[..., NOMINAL.index("stepping")] = 0.0
+    return parameters, switches, starts, rigid
+
+
+def of_pairs(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray, rigid: np.ndarray) -> list[np.ndarray]:
+    """Prediction errors (C, T, 2) in lanes, and one by one."""
+    time, command, cumulative, reading, _, bounds = stacked(0)
+    both = [np.concatenate([x, 0.7 * x[::-1]], axis=1) for x in (command, reading)]
+    other = stacked(0)[1][::-1] * 0.7
+    sums = np.concatenate([cumulative, np.zeros_like(cumulative)], axis=1)
+    for a, b in pairwise(bounds):
+        sums[a + 1 : b, 1] = np.cumsum(other[a : b - 1, 0])
+    hold, none = np.array([0, 1]), np.zeros((0, 2, 3))
+    found = [np.empty((len(parameters), len(time), 2)) for _ in range(2)]
+    signals = (time, both[0], sums, hold, both[1])
+    tail = (20.0, 100.0, 1)
+    KERNEL.batch(
+        *signals, none, np.zeros((0, 0, 2)), bounds, starts, parameters, switches, True, rigid, *tail, found[0]
+    )
+    for c in range(len(parameters)):
+        for log, (a, b) in enumerate(pairwise(bounds)):
+            cut = (*(x[a:b] for x in signals[:3]), hold, both[1][a:b], none, none[..., 0], starts[c, log])
+            model = (parameters[c, log], switches[c], True, rigid[c])
+            KERNEL.module.run(*cut, *model, *tail, found[1][c, a:b], none)
+    return found
+
+
+@pytest.mark.parametrize(("effects", "seed"), [(0, 0), (1, 1), (1, 2), (2, 3), (3, 4)])
+def test_planar_pairs_in_lanes_are_one_at_a_time_bit_by_bit(effects: int, seed: int) -> None:
+    lanes, alone = of_pairs(*pairs(3 * LANES + 3, seed, effects))
+    assert np.array_equal(lanes, alone)
+    assert np.max(np.abs(lanes)) > 0.1
+
+
+def test_planar_pairs_that_stick() -> None:
+    every = pairs(2 * LANES + 1, 7, 0)
+    friction = next(effect for effect in KERNEL.effects if effect.name == "coulomb_friction")
+    every[1][:, :, KERNEL.switches[friction.name]] = np.random.default_rng(2).uniform(size=every[1].shape[:2]) < 0.8
+    every[0][..., KERNEL.own(friction)] = np.random.default_rng(1).uniform(0.3, 5.0, (*every[0].shape[:3], 1))
+    lanes, alone = of_pairs(*every)
+    assert np.array_equal(lanes, alone)
+
+
 def with_effect(name: str, count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Candidates that have nothing but one effect, each from another of its starting values."""
     parameters, switches, starts = candidates(count, seed, 0)

@@ -1,9 +1,10 @@
-"""Speed at which a diagnosis simulates candidates of one joint: eight at a time, one at a time, and `mujoco.rollout`.
+"""Speed at which a diagnosis simulates candidates: eight at a time, one at a time, and `mujoco.rollout`.
 
     uv run python -m benchmarks.candidate_speed [--candidates C] [--samples T] [--repeats R]
 
 C candidates run along a log of T samples, on one thread, in steps of 1 ms of the fourth-order Runge-Kutta method.
-Printed are nanoseconds per step of one candidate and how many times faster eight at a time are. MuJoCo knows neither a
+Printed are nanoseconds per step of one candidate and how many times faster eight at a time are (of the last model, two
+links that act on one another, four go at a time). MuJoCo knows neither a
 play nor a winding's lag; where it has the model, it simulates the same joint without a lag and without a comparison to
 the log. The best of several alternating repeats counts.
 """
@@ -34,6 +35,7 @@ MODELS: Mapping[str, Mapping[str, Sequence[float]]] = {
     "backlash": {"backlash": (0.01, 0.3, 30.0, 0.2)},
 }
 """Effects with their parameters, input-equivalent, of each model."""
+PAIR = "planar pair"
 INERTIA, VISCOUS, BACK_EMF = 0.1, 0.05, 0.2
 """Of the joint."""
 
@@ -48,9 +50,10 @@ def main() -> None:
     print(
         f"{'ns per step':18}{'eight at a time':>18}{'one at a time':>18}{'ratio':>8}{'mujoco.rollout':>18}{'ratio':>8}"
     )
-    for name, effects in MODELS.items():
-        runs = [_in_lanes(kernel, effects, chosen, at_once) for at_once in (LANES, 1)]
-        if set(effects) <= {"coulomb_friction"}:
+    for name, effects in (*MODELS.items(), (PAIR, {})):
+        joints = 2 if name == PAIR else 1
+        runs = [_in_lanes(kernel, effects, chosen, at_once, joints) for at_once in (LANES, 1)]
+        if joints == 1 and set(effects) <= {"coulomb_friction"}:
             runs.append(_mujoco(effects, chosen))
         for run in runs:
             run()
@@ -80,23 +83,26 @@ def _log(samples: int) -> tuple[Array, Array]:
 
 
 def _in_lanes(
-    kernel: Kernel, effects: Mapping[str, Sequence[float]], chosen: argparse.Namespace, at_once: int
+    kernel: Kernel, effects: Mapping[str, Sequence[float]], chosen: argparse.Namespace, at_once: int, joints: int
 ) -> Callable[[], None]:
     """All candidates, so many at once."""
     parameters, switches = _candidates(kernel, effects, chosen.candidates)
     instants, command = _log(chosen.samples)
-    cumulative = np.vstack([np.zeros((1, 1)), np.cumsum(command[:-1], axis=0)])
-    hold, bounds, near = np.zeros(1, dtype=np.int64), np.array([0, chosen.samples]), np.zeros((0, 1, 3))
-    starts, rigid = np.zeros((chosen.candidates, 1, 1, 3)), np.zeros((chosen.candidates, 3))
-    out = np.empty((chosen.candidates, chosen.samples, 1))
-    reading, extra = 0.2 * command, np.zeros((0, 0, 1))
+    parameters, switches = np.repeat(parameters, joints, axis=2), np.repeat(switches, joints, axis=1)
+    command = np.repeat(command, joints, axis=1)
+    cumulative = np.vstack([np.zeros((1, joints)), np.cumsum(command[:-1], axis=0)])
+    hold, bounds, near = np.zeros(joints, dtype=np.int64), np.array([0, chosen.samples]), np.zeros((0, joints, 3))
+    starts = np.zeros((chosen.candidates, 1, joints, 3))
+    rigid = np.tile([0.3 * INERTIA, 1.0, 0.9 * INERTIA], (chosen.candidates, 1))
+    out = np.empty((chosen.candidates, chosen.samples, joints))
+    reading, extra = 0.2 * command, np.zeros((0, 0, joints))
 
     def run() -> None:
         for first in range(0, chosen.candidates, at_once):
             some = slice(first, first + at_once)
             kernel.batch(
                 *(instants, command, cumulative, hold, reading, near, extra, bounds, starts[some], parameters[some]),
-                *(switches[some], False, rigid[some], 30.0, 0.0, 1, out[some]),
+                *(switches[some], joints > 1, rigid[some], 30.0, 0.0, 1, out[some]),
             )
 
     return run

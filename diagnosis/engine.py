@@ -28,6 +28,7 @@ from diagnosis.search import (
     in_turns,
     is_resolved,
     polish,
+    price,
     ranking,
     score,
     stuck,
@@ -207,7 +208,7 @@ def find(
 
     The whole band of the encoder decides first: there an exact model leaves nothing but noise. Where something is left
     (`unknown`), the effects are sought again in the band in which the joint moved, and those that shape the motion
-    there are reported; the verdict stays.
+    there are reported, unless those of the whole band do better there, too; the verdict stays.
     """
     settings = settings or Settings()
     with threadpool_limits(1, "blas"):  # the kernels run in parallel; matrix products of this size do not gain from it
@@ -234,9 +235,18 @@ def _find(
         return whole
     tell("again in the band of the motion")
     banded = select(narrow, structures, effects, replace(settings, limit=settings.banded), tell, exchange=False)
+    if whole.accepted and cost(narrow, in_turns(narrow, fit(narrow, whole.final.point)), whole.accepted) < cost(
+        narrow, banded.final, banded.accepted
+    ):
+        return whole
     return replace(
         banded, verdict="unknown", remainders=whole.remainders, band=0.4 / (narrow.decimation * problem.sample_time)
     )
+
+
+def cost(problem: Problem, fitted: Fitted, accepted: Sequence[Accepted]) -> float:
+    """-2 log likelihood and the price of all effects."""
+    return fitted.criterion + sum(price(problem, item.scored.start, fitted.samples) for item in accepted)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from diagnosis.engine import (
     Accepted,
+    Finding,
     Path,
     Search,
     Settings,
@@ -466,6 +467,31 @@ def test_a_near_equal_takes_the_place_of_an_effect_where_it_does_better() -> Non
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.95) == ["coulomb_friction"]
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.5) == ["quadratic_drag"]
     assert names("coulomb_friction", [0.2], "quadratic_drag", 0.95) == ["coulomb_friction"]
+
+
+def test_effects_of_the_whole_band_stay_where_they_do_better_in_the_band_of_the_motion(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(15_000)
+    problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.2}}, noise, 30.0)], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+
+    def found(whole: str, banded: str) -> Finding:
+        def select(own: Problem, *others: object, **options: object) -> Finding:
+            base = fit_nominal(own, (JointStructure(),))
+            item = accepted(own, base, whole if own is problem else banded, [0.1])
+            final = item.scored.fitted
+            return Finding("unknown", base, (item,), final, (remainder(problem, nominal, 0),), (base, final))
+
+        monkeypatch.setattr("diagnosis.engine.select", select)
+        return find(problem, (JointStructure(),), EFFECTS)
+
+    kept, narrowed = found("coulomb_friction", "quadratic_drag"), found("quadratic_drag", "coulomb_friction")
+    assert [item.name for item in kept.accepted] == ["coulomb_friction"]
+    assert kept.band is None
+    assert [item.name for item in narrowed.accepted] == ["coulomb_friction"]
+    assert narrowed.band is not None
+    assert kept.verdict == narrowed.verdict == "unknown"
 
 
 def test_one_event_has_one_name() -> None:

@@ -400,7 +400,7 @@ class Search:
 
     def cost(self, path: Path) -> float:
         """-2 log likelihood and the price of all effects."""
-        return path.base.criterion + sum(item.scored.price for item in path.accepted)
+        return cost(self.problem, path.base, path.accepted)
 
 
 def select(

@@ -3,10 +3,10 @@
     uv run python -m benchmarks.candidate_speed [--candidates C] [--samples T] [--repeats R]
 
 C candidates run along a log of T samples, on one thread, in steps of 1 ms of the fourth-order Runge-Kutta method.
-Printed are nanoseconds per step of one candidate and how many times faster eight at a time are (of the last model, two
-links that act on one another, four go at a time). MuJoCo knows neither a
-play nor a winding's lag; where it has the model, it simulates the same joint without a lag and without a comparison to
-the log. The best of several alternating repeats counts.
+Printed are nanoseconds per step of one candidate and how many times faster eight at a time are; of the last model, two
+links that act on one another, four go at a time. MuJoCo knows neither a play nor a winding's lag; where it has the
+model, it simulates the same joint without a lag and without a comparison to the log. The best of several alternating
+repeats counts.
 """
 
 from __future__ import annotations

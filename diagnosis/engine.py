@@ -13,7 +13,7 @@ from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.hopping import Optimum, distances, hopped
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
-from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, regressed, windings_settled, without_limits
+from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, windings_settled, without_limits
 from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import Problem, in_band
 from diagnosis.regression import View
@@ -496,7 +496,7 @@ def also_from_regression(
     """
     if not ranked or ranked[0].label == DRY:
         return ranked
-    point, friction = regressed(problem, structures)
+    point, friction = point_at(problem, structures)
     least = DRAG * np.sqrt(np.mean(problem.command**2, axis=0))
     starts = [
         Start(Hypothesis(effect, j), np.full((problem.logs, 1), friction[j]), 0.0)

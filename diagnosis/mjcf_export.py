@@ -87,11 +87,11 @@ def export(model: StructuredModel, units: Sequence[float | None], names: Sequenc
 
     Effects whose parameters MuJoCo refuses, such as a limit of zero, are left out like those that it does not have.
     """
-    places = [(part.joint, effect) for part in model.parts for effect in part.effects]
     try:
         return _built(model, units, names, frozenset())
     except (ValueError, ArithmeticError):
-        alone = [place for place in places if not _compiles(model, units, names, frozenset(places) - {place})]
+        places = frozenset((part.joint, effect) for part in model.parts for effect in part.effects)
+        alone = [place for place in places if not _compiles(model, units, names, places - {place})]
         return _built(model, units, names, frozenset(alone))
 
 

@@ -48,11 +48,9 @@ class JointStructure:
     torque_limit: float = 0.0
 
 
-def point_at(
-    problem: Problem, structures: tuple[JointStructure, ...], electrical: tuple[bool, ...]
-) -> tuple[Point, Array]:
+def point_at(problem: Problem, structures: tuple[JointStructure, ...]) -> tuple[Point, Array]:
     """Starting point: linear regression of the held command on smoothed derivatives, joint by joint. With it goes the
-    dry friction (n,) that was regressed along."""
+    dry friction (n,) that was regressed along. The winding's lag takes part in every voltage drive that has one."""
     n = problem.joints
     parameters = np.zeros((problem.logs, n, problem.kernel.columns))
     parameters[:, :, COLUMN["torque_square_mean"]] = 1.0
@@ -110,7 +108,7 @@ def point_at(
         )
         main = "back_emf" if structure.input == "voltage" else "viscous"
         free.append(Free(f"{main}@{j}", "joint", j, COLUMN[main], damping))
-        if electrical[j]:
+        if structure.input == "voltage" and structure.electrical:
             begin = structure.electrical_time_constant or 3e-3
             parameters[:, j, COLUMN["electrical_time_constant"]] = begin
             known = structure.electrical_time_constant
@@ -263,9 +261,4 @@ def windings_settled(problem: Problem, fitted: Fitted) -> Fitted:
 
 def _fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
     """Fit of the nominal model."""
-    return fit(problem, regressed(problem, structures)[0], rounds=3, iterations=12)
-
-
-def regressed(problem: Problem, structures: tuple[JointStructure, ...]) -> tuple[Point, Array]:
-    """Starting point and dry friction; the winding's lag takes part in every voltage drive that has one."""
-    return point_at(problem, structures, tuple(s.input == "voltage" and s.electrical for s in structures))
+    return fit(problem, point_at(problem, structures)[0], rounds=3, iterations=12)

@@ -81,26 +81,29 @@ def arm_of(samples: int) -> np.ndarray:
     return np.random.default_rng(4).normal(size=(samples, 1, 4 + SHAPES))
 
 
-def batched(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray, *, outside: bool = False) -> np.ndarray:
-    """Prediction errors (C, T) in lanes; outside: with torques from outside and an observer of the velocity."""
+def batched(
+    parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray, *, outside: bool = False, arm: bool = False
+) -> np.ndarray:
+    """Prediction errors (C, T) in lanes; outside: with torques from outside and an observer of the velocity; arm: with
+    what an arm does."""
     time, command, cumulative, reading, near, bounds = stacked(0)
     out = np.empty((len(parameters), len(time), 1))
     hold, rigid = np.zeros(1, dtype=np.int64), np.zeros((len(parameters), 3))
     extra = torques(len(parameters), len(time)) if outside else np.zeros((0, 0, 1))
-    near = arm_of(len(time)) if outside else near
+    near = arm_of(len(time)) if arm else near
     arguments = (time, command, cumulative, hold, reading, near, extra, bounds, starts, parameters, switches)
     KERNEL.batch(*arguments, False, rigid, 20.0, 100.0 * outside, 1, out)
     return out[..., 0]
 
 
 def one_by_one(
-    parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray, *, outside: bool = False
+    parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray, *, outside: bool = False, arm: bool = False
 ) -> np.ndarray:
     """The same by the function for any number of joints."""
     time, command, cumulative, reading, near, bounds = stacked(0)
     out = np.empty((len(parameters), len(time), 1))
     hold, none = np.zeros(1, dtype=np.int64), np.zeros((0, 1, 3))
-    near = arm_of(len(time)) if outside else near
+    near = arm_of(len(time)) if arm else near
     extra = torques(len(parameters), len(time)) if outside else np.zeros((len(parameters), 0, 1))
     for c in range(len(parameters)):
         for log, (a, b) in enumerate(pairwise(bounds)):
@@ -130,12 +133,15 @@ def test_lanes_are_one_candidate_at_a_time_bit_by_bit(effects: int, seed: int) -
     assert np.array_equal(batched(*every), one_by_one(*every))
 
 
-def test_torques_from_outside_and_an_observer_of_the_velocity() -> None:
+@pytest.mark.parametrize("arm", [False, True])
+def test_torques_from_outside_and_an_observer_of_the_velocity(arm: bool) -> None:
     parameters, switches, starts = candidates(2 * LANES + 3, 9, 1)
-    arm = NOMINAL.index("arm")
-    parameters[..., arm : arm + 1 + SHAPES] = np.random.default_rng(5).normal(size=(*parameters.shape[:3], 1 + SHAPES))
-    found = batched(parameters, switches, starts, outside=True)
-    assert np.array_equal(found, one_by_one(parameters, switches, starts, outside=True))
+    first = NOMINAL.index("arm")
+    parameters[..., first : first + 1 + SHAPES] = np.random.default_rng(5).normal(
+        size=(*parameters.shape[:3], 1 + SHAPES)
+    )
+    found = batched(parameters, switches, starts, outside=True, arm=arm)
+    assert np.array_equal(found, one_by_one(parameters, switches, starts, outside=True, arm=arm))
     assert np.max(np.abs(found - batched(parameters, switches, starts))) > 1e-3
 
 
@@ -165,13 +171,11 @@ def of_pairs(parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray, r
     hold, none = np.array([0, 1]), np.zeros((0, 2, 3))
     found = [np.empty((len(parameters), len(time), 2)) for _ in range(2)]
     signals = (time, both[0], sums, hold, both[1])
-    tail = (20.0, 100.0, 1)
-    KERNEL.batch(
-        *signals, none, np.zeros((0, 0, 2)), bounds, starts, parameters, switches, True, rigid, *tail, found[0]
-    )
+    outer, tail = np.random.default_rng(6).normal(size=(len(parameters), len(time), 2)), (20.0, 100.0, 1)
+    KERNEL.batch(*signals, none, outer, bounds, starts, parameters, switches, True, rigid, *tail, found[0])
     for c in range(len(parameters)):
         for log, (a, b) in enumerate(pairwise(bounds)):
-            cut = (*(x[a:b] for x in signals[:3]), hold, both[1][a:b], none, none[..., 0], starts[c, log])
+            cut = (*(x[a:b] for x in signals[:3]), hold, both[1][a:b], none, outer[c, a:b], starts[c, log])
             model = (parameters[c, log], switches[c], True, rigid[c])
             KERNEL.module.run(*cut, *model, *tail, found[1][c, a:b], none)
     return found

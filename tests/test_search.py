@@ -318,7 +318,7 @@ def test_lags_trade_places() -> None:
     """The three lags in series of a joint with a slow amplifier: the effect is tried as each of the other two."""
     problem = problem_of({"amplifier_lag": {"time_constant": 0.02}})
     structure = JointStructure(electrical_time_constant=0.005, inertia=0.08)
-    nominal = fit(problem, point_at(problem, (structure,), (True,))[0], rounds=3, iterations=12)
+    nominal = fit(problem, point_at(problem, (structure,))[0], rounds=3, iterations=12)
     view = View.of(problem, nominal)
     starts = proposals(problem, [view], [(NAMED["amplifier_lag"], 0)], sizes_of(problem, nominal))[0]
     fits = [fit(problem, p, rounds=3, iterations=12) for p in exchanged(problem, nominal.point, starts[0])]

@@ -8,7 +8,7 @@ Source: M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash: a
 
 from dataclasses import replace
 
-from methods.effects.base import Effect, EffectParameter, geometric, grid
+from methods.effects.base import Effect, EffectParameter, geometric, grid, is_readable
 
 
 def starts(s):
@@ -33,7 +33,7 @@ EFFECT = Effect(
     amplitudes=(1,),
     scatters=True,
     starts=starts,
-    resolved=lambda p, s: p[0] > max(0.3 * s.encoder_step, 1e-3 * s.velocity_rms * s.sample_time),
+    resolved=lambda p, s: is_readable(p[0], s),
     tries=3,
     excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side"),
     expected_failures=(

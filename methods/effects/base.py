@@ -193,6 +193,11 @@ def is_periodic(cycles: float, scales: Scales) -> bool:
     return cycles * scales.position_span > math.pi
 
 
+def is_readable(way: float, scales: Scales) -> bool:
+    """Whether readings can show so short a way [rad or m], by the encoder's step and the way between two of them."""
+    return way > max(0.3 * scales.encoder_step, 1e-3 * scales.velocity_rms * scales.sample_time)
+
+
 def geometric(first: float, last: float, ratio: float) -> list[float]:
     """Values from first to last, neighbours at most a factor `ratio` apart; the first alone where last is below it."""
     if not last > first:

@@ -9,7 +9,7 @@ Source: P. Dahl 1968; C. Canudas de Wit et al., A new model for control of syste
 
 from dataclasses import replace
 
-from methods.effects.base import Effect, EffectParameter, geometric
+from methods.effects.base import Effect, EffectParameter, geometric, is_readable
 
 
 def starts(s):
@@ -31,7 +31,7 @@ EFFECT = Effect(
     variable="position since reversal",
     source="Dahl 1968; Canudas de Wit et al. 1995",
     includes=("coulomb_friction",),
-    resolved=lambda p, s: p[1] > max(0.3 * s.encoder_step, 1e-3 * s.velocity_rms * s.sample_time),
+    resolved=lambda p, s: is_readable(p[1], s),
     starts=starts,
     tries=2,
 )

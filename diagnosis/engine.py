@@ -13,6 +13,7 @@ from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.hopping import Optimum, distances, hopped
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
+from diagnosis.lags import told_apart
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, windings_settled, without_limits
 from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import Problem, in_band
@@ -46,6 +47,8 @@ DRY = "coulomb_friction"
 """The effect that the regression of the starting point knows."""
 DRAG = 0.02
 """Its torque as a share of the command's rms, from which it is tried as it was regressed."""
+LAG = "amplifier_lag"
+"""The effect that may trade places with the joint's own lags."""
 JITTER = "timestamp_jitter"
 """The effect that shows in the scatter of the readings only."""
 Verdict = Literal["none", "named", "ambiguous", "unknown"]
@@ -149,7 +152,7 @@ class Finding:
 
     band: upper frequency [Hz] of the comparison that chose the effects; None: the whole band.
     refused: what was tried last and not accepted, best first. patched: joints whose effects are pieces of another law.
-    optima: see `Path`.
+    optima: see `Path`. traded: the fits in which the amplifier's lag is another one of the lags in series.
     """
 
     verdict: Verdict
@@ -162,6 +165,7 @@ class Finding:
     refused: tuple[Ranked, ...] = ()
     patched: Mapping[int, Patchwork] = field(default_factory=dict)
     optima: tuple[Optimum, ...] = ()
+    traded: tuple[Optimum, ...] = ()
 
     @property
     def scattered(self) -> float:
@@ -170,11 +174,12 @@ class Finding:
 
     @property
     def covariance(self) -> Array:
-        """Covariance (P, P) of the final model's parameters, with what noise and other optima do in rough ground."""
+        """Covariance (P, P) of the final model's parameters, with what noise and other optima do in rough ground and
+        other orders of lags in series mean."""
         rough = any(item.effect.scatters for item in self.accepted)
         apart = distances(self.optima if rough else (), max(left.growth for left in self.remainders))
         least: dict[str, float] = {}
-        for deviations in (apart, *(left.deviations for left in self.remainders)):
+        for deviations in (apart, distances(self.traded), *(left.deviations for left in self.remainders)):
             for name, deviation in deviations.items():
                 least[name] = float(np.hypot(least.get(name, 0.0), deviation))
         return covariance(self.final, least)
@@ -434,6 +439,8 @@ def select(
     accepted, base = significant(problem, accepted, base, settings)
     if held_out is not None:
         accepted, base = general(problem, held_out, accepted, base, settings)
+    lag = next((item for item in accepted if item.label == LAG), None)
+    base, traded = (base, ()) if lag is None else told_apart(problem, base, lag.effect, lag.joint)
     if base is not before:
         left = remainders(problem, base)
     accepted = [
@@ -450,7 +457,16 @@ def select(
     ):
         said = "unknown"
     return Finding(
-        said, nominal, tuple(accepted), base, left, path.steps, refused=path.refused, patched=pieces, optima=path.optima
+        said,
+        nominal,
+        tuple(accepted),
+        base,
+        left,
+        path.steps,
+        refused=path.refused,
+        patched=pieces,
+        optima=path.optima,
+        traded=traded,
     )
 
 

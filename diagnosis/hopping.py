@@ -53,18 +53,20 @@ def hopped(problem: Problem, fitted: Fitted) -> tuple[Fitted, tuple[Optimum, ...
     return best, tuple(found)
 
 
-def distances(optima: Sequence[Optimum], growth: float) -> dict[str, float]:
-    """Rms distance of each free parameter, by its name, between the best optimum and those that are as likely.
+def likely(optima: Sequence[Optimum], growth: float = 1.0) -> list[Optimum]:
+    """The best optimum and those that are as likely, the best first.
 
-    As likely are those whose criterion is higher by no more than the squares of two deviations of each parameter, times
-    the growth of what noise does.
+    Their criterion is higher by no more than the squares of two deviations of each parameter, times the growth of what
+    noise does.
     """
-    if not optima:
-        return {}
-    best = min(optima, key=lambda optimum: optimum.criterion)
-    allowed = best.criterion + 4.0 * len(best.values) * growth
-    likely = [optimum.values for optimum in optima if optimum.criterion <= allowed]
+    ordered = sorted(optima, key=lambda optimum: optimum.criterion)
+    return [o for o in ordered if o.criterion <= ordered[0].criterion + 4.0 * len(ordered[0].values) * growth]
+
+
+def distances(optima: Sequence[Optimum], growth: float = 1.0) -> dict[str, float]:
+    """Rms distance of each free parameter, by its name, between the best optimum and those that are as likely."""
+    found = likely(optima, growth)
     return {
-        name: float(np.sqrt(np.mean([(values[name] - value) ** 2 for values in likely])))
-        for name, value in best.values.items()
+        name: float(np.sqrt(np.mean([(optimum.values[name] - value) ** 2 for optimum in found])))
+        for name, value in (found[0].values.items() if found else ())
     }

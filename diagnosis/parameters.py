@@ -3,7 +3,8 @@
 The models are written in what can be fitted well: sine and cosine, compliance, torque in units of the command. People
 read amplitude and phase, stiffness, newton metres. The change of variables carries the covariance along to first
 order (delta method). The covariance is the larger, per parameter, of the inverse information and of the sandwich
-(W. Newey, K. West, Econometrica 55 (1987) 703), which also holds where the innovations are not entirely white.
+(W. Newey, K. West, Econometrica 55 (1987) 703), which also holds where the innovations are not entirely white. To its
+root what no covariance knows is added: that integrators, rounded laws and clocks differ.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.engine import Accepted
-from diagnosis.estimation import Fitted
+from diagnosis.estimation import Fitted, Point, predicted_motion
 from diagnosis.problem import Problem
 from diagnosis.result import Estimate, NominalParameter, ParameterEstimate
 from envs.log import COMMAND_UNIT, Array, InputKind
@@ -23,9 +24,15 @@ from envs.robot import Joint as RobotJoint
 from methods.effects.base import Dimension, Effect
 from methods.kernel import NOMINAL
 
+INEXACT = 2e-4
+"""Least standard deviation of a parameter as a share of it: what integrators, rounded laws and clocks differ by."""
+INSTANTS = ("time", "phase")
+"""Parameters whose zero is arbitrary."""
 Values = Mapping[str, float]
-INERTIA = "joint inertia"
-"""Name under which a change of variables finds the joint's own inertia, besides the effect's parameters."""
+REFERENCE = NOMINAL.index("torque_square_mean")
+INERTIA, HEAT = "joint inertia", "mean square motor torque"
+"""Names under which a change of variables finds, besides the effect's parameters, the joint's own inertia and the mean
+square of its motor torque in the final model, over the one that the effect's parameters refer to."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +97,21 @@ def _damping(p: Values) -> float:
     return 2.0 * p["damping_ratio"] * _stiffness(p) / (2.0 * math.pi * p["frequency"])
 
 
+def _rise(p: Values) -> float:
+    """Rise of the resistance that is reached in the end at the mean square current of these logs.
+
+    The model's rise r is that at another one; a share s of the losses grows with the resistance:
+    ``rise = h r / (1 + s r - h s r)`` at h times the losses.
+    """
+    r, share = p["resistance_rise"], p.get("feedback", 0.0)
+    return p[HEAT] * r / (1.0 + share * r * (1.0 - p[HEAT]))
+
+
 CANONICAL: dict[str, Canonical] = {
+    "thermal_drift": Canonical(
+        {"resistance_rise": "ratio", "time_constant": "time"},
+        lambda p: {"resistance_rise": _rise(p), "time_constant": p["time_constant"]},
+    ),
     "cogging_torque": _wave("amplitude", "torque", ("cycles_per_rev", "cycles per revolution")),
     "torque_ripple": _wave("share", "ratio", ("cycles_per_rev", "cycles per revolution")),
     "gravity_tilt": _wave("torque", "torque"),
@@ -138,7 +159,7 @@ CANONICAL: dict[str, Canonical] = {
 """Effects whose canonical parameters are not those of the model; all others keep theirs."""
 
 
-SHAPES = ("rounding", "exponent")
+SHAPES = ("rounding", "exponent", "feedback")
 """Parameters that shape a law, beside its canonical ones."""
 
 
@@ -195,12 +216,14 @@ def effect_parameters(
         columns[parameter.name] = [i for i, n in enumerate(names) if n == plain or n.startswith(f"{plain}#")]
     own = canonical(effect)
     inertia = names.index(f"inertia@{j}")
+    beside = {HEAT: heat(problem, fitted.point, j)} if effect.label == "thermal_drift" else {}
 
     def values(x: Array) -> Array:
         """Canonical values; of what is free in every log the rms of the logs, of phases that of the first log."""
         each = [
             own.change(
-                {INERTIA: float(x[inertia])} | {name: float(x[c[min(k, len(c) - 1)]]) for name, c in columns.items()}
+                {**beside, INERTIA: float(x[inertia])}
+                | {name: float(x[c[min(k, len(c) - 1)]]) for name, c in columns.items()}
             )
             for k in range(max(len(c) for c in columns.values()))
         ]
@@ -218,7 +241,10 @@ def effect_parameters(
         change = values(vector + step) - values(vector - step)
         change = np.where(np.array(list(own.dimensions)) == "phase", (change + np.pi) % (2 * np.pi) - np.pi, change)
         slopes[:, i] = change / (2 * step[i])
-    deviations = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, spread, slopes), 0.0))
+    least = np.array(
+        [0.0 if name in INSTANTS else INEXACT * value for name, value in zip(own.dimensions, centre, strict=True)]
+    )
+    deviations = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, spread, slopes), 0.0) + least**2)
     begin = float(problem.time[problem.bounds[max(log, 0)]])
     found = []
     for (name, dimension), value, std in zip(own.dimensions.items(), centre, deviations, strict=True):
@@ -231,6 +257,11 @@ def effect_parameters(
             )
         )
     return tuple(found)
+
+
+def heat(problem: Problem, point: Point, j: int) -> float:
+    """Mean square motor torque of joint index j in a model, over the one that its thermal parameters refer to."""
+    return float(np.mean(predicted_motion(problem, point)[:, j, 2] ** 2)) / point.parameters[0, j, REFERENCE]
 
 
 def _on_the_logs_clock(effect: Effect, name: str, value: float, begin: float, others: Values) -> float:
@@ -283,5 +314,5 @@ def _estimate(fitted: Fitted, spread: Array, parts: tuple[str, ...], j: int, joi
     if not own:
         return None
     value = float(sum(fitted.point.parameters[0, j, NOMINAL.index(name)] for name in parts))
-    variance = float(np.sum(spread[np.ix_(own, own)]))
-    return Estimate(value, float(np.sqrt(max(variance, 0.0))), units(NOMINAL_DIMENSIONS[parts[0]], joint)[1])
+    variance = max(float(np.sum(spread[np.ix_(own, own)])), 0.0) + (INEXACT * value) ** 2
+    return Estimate(value, float(np.sqrt(variance)), units(NOMINAL_DIMENSIONS[parts[0]], joint)[1])

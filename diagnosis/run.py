@@ -18,9 +18,10 @@ from scipy.signal import welch
 
 from diagnosis.arm_torques import arm_torques
 from diagnosis.compensator import compensators
-from diagnosis.engine import WORST, Accepted, Finding, Settings, Verdict, find
+from diagnosis.engine import LAG, WORST, Accepted, Finding, Settings, Verdict, find
 from diagnosis.estimation import Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
+from diagnosis.hopping import likely
 from diagnosis.isolability import isolability
 from diagnosis.ledger import WINDOW, Step, failures, floor_of, gap, given_point, rows, steps
 from diagnosis.next_experiment import Range, next_experiment
@@ -181,7 +182,8 @@ def diagnose(
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
-            findings += [said for said in (timing_said(solved, j), scale_said(result), growth_said(solved, j)) if said]
+            notes = (timing_said(solved, j), scale_said(result), growth_said(solved, j), lags_said(solved, j))
+            findings += [said for said in notes if said]
         if solved.rest:
             findings.append(f"joint {group[0]}: {solved.rest}")
         findings += [failure_said(group[j], failure) for j, failure in solved.failing.items()]
@@ -266,6 +268,19 @@ def growth_said(solved: Solved, j: int) -> str:
     return (
         f"joint {solved.joints[j]}: from one blow of its play to the next small causes grow, so that noise which "
         "nobody logged decides where it goes: no model follows these logs exactly, and errors of free simulation stay"
+    )
+
+
+def lags_said(solved: Solved, j: int) -> str:
+    """That the logs do not tell which of several lags in series is the amplifier's; nothing otherwise."""
+    name = f"{LAG}.time_constant@{j}"
+    found = sorted(optimum.values[name] * 1e3 for optimum in likely(solved.finding.traded) if name in optimum.values)
+    if len(found) < 2:
+        return ""
+    return (
+        f"joint {solved.joints[j]}: the amplifier's lag stands in series with those of winding and rotor, and the logs "
+        f"do not tell which is which: it may be {' or '.join(f'{lag:.3g}' for lag in found)} ms. A robot description, "
+        "which states the inertia, decides"
     )
 
 

@@ -180,17 +180,18 @@ def assemble(
     """A Log from a file's columns, a column map and the facts of the sidecar, not yet validated."""
     stated = facts.get("joints", {})
     units = {int(joint): entry.get("position_unit", "rad") for joint, entry in stated.items() if joint.isdigit()}
-    table = apply(columns, table, units)
+    whole, table = table, apply(columns, table, units)
     found: dict[int, set[str]] = {}
     for column in table.columns:
         if match := STANDARD_COLUMN.fullmatch(column):
             found.setdefault(int(match[2]), set()).add(match[1])
     joints = tuple(sorted(joint for joint, prefixes in found.items() if "q" in prefixes))
+    for needed, there in (("t", "t" in table.columns), ("q1", bool(joints))):
+        if not there:
+            whole.numbers(needed)  # says so, with the names that the file has
     time, findings = from_epoch(table.numbers("t"))
-    if not joints:
-        table.numbers("q1")
     joint_facts = tuple(
-        facts_of(joint, found[joint], stated.get(str(joint), {}), table, facts_file) for joint in joints
+        facts_of(joint, found[joint], stated.get(str(joint), {}), whole, facts_file) for joint in joints
     )
 
     def stack(names: list[str]) -> Array:

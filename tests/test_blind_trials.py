@@ -12,8 +12,10 @@ from functools import cache
 
 import pytest
 
+from benchmarks.blind.hidden import Hidden, Parameter, at_heat
 from benchmarks.blind.score import diagnose, outcome
 from benchmarks.blind.trials import Trial, make_trial
+from benchmarks.blind.world import Heat
 from methods.effects import built_in
 
 
@@ -53,6 +55,16 @@ def test_hidden_effect_is_found(case: Case) -> None:
     diagnosis, _ = diagnose(trial)
     named = [item["name"] for item in diagnosis["effects"]]
     assert outcome(trial.truth, diagnosis) == "right", f"{diagnosis['verdict']}: {named}"
+
+
+@pytest.mark.parametrize("law", list(Heat))
+def test_the_true_rise_of_a_resistance_is_that_at_the_recorded_current(law: Heat) -> None:
+    changes = {"heating": 0.2, "heating_law": law}
+    hidden = at_heat(Hidden("thermal_drift", changes, {"time_constant": Parameter(9.0, "s")}), 1.5)
+    rise = hidden.parameters["resistance_rise"].value
+    assert rise == pytest.approx(0.3 * (1.0 + rise if law == Heat.COPPER else 1.0))
+    other = Hidden("dead_zone", {}, {})
+    assert at_heat(other, 1.5) is other
 
 
 def test_the_trials_cover_every_stage() -> None:

@@ -20,7 +20,7 @@ from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.ledger import closed, failures
 from diagnosis.nominal import COLUMN, JointStructure, fit_nominal
 from diagnosis.output import to_json
-from diagnosis.parameters import canonical
+from diagnosis.parameters import HEAT, REFERENCE, canonical, heat
 from diagnosis.preparation import (
     DiagnosisError,
     Recordings,
@@ -358,6 +358,32 @@ def test_canonical_parameters() -> None:
     assert canonical(known["backlash_power"]).dimensions["exponent"] == "ratio"
     spring = canonical(known["cable_spring"]).change({"stiffness": 0.5, "pull": 0.1})
     assert spring["rest_angle"] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("feedback", [0.0, 1.0])
+def test_the_rise_of_the_resistance_is_that_at_the_current_of_the_logs(feedback: float) -> None:
+    """Where it stands in the end: ``rise = h r (1 + s rise) / (1 + s r)`` at h times the losses that r refers to."""
+    known = {effect.name: effect for effect in built_in()}
+    own = canonical(known["thermal_drift_copper" if feedback else "thermal_drift"])
+    rise = own.change({"resistance_rise": 0.4, "time_constant": 9.0, "feedback": feedback, HEAT: 0.7})
+    balance = 0.7 * 0.4 * (1.0 + feedback * rise["resistance_rise"]) / (1.0 + feedback * 0.4)
+    assert rise["resistance_rise"] == pytest.approx(balance)
+    assert rise["time_constant"] == 9.0
+
+
+def test_heat_is_the_mean_square_of_the_final_motor_torque() -> None:
+    """Warm, a motor takes less current from the same voltage."""
+    drift = {"thermal_drift": {"resistance_rise": 0.5, "time_constant": 1.0}}
+    log = recorded(model_of(drift), 1)
+    kernel = build(built_in())
+    problem = stack(kernel, [log], (1,))
+    point = fit_nominal(problem, (JointStructure(viscous_share=0.02 / 0.72),)).point
+    point.parameters[:, 0, REFERENCE] = 2.0
+    cold = heat(problem, point, 0)
+    torque = log.command[:, 0] - 0.7 * problem.velocity[:, 0]
+    assert cold == pytest.approx(np.mean(torque**2) / 2.0, rel=0.3)
+    hot = extend(problem, point, Hypothesis(effects_of("thermal_drift")[0], 0), np.array([[0.5, 1.0]]))
+    assert heat(problem, hot, 0) < 0.9 * cold
 
 
 def test_standard_deviations_hold() -> None:

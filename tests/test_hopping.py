@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from test_remainder import PLAY, fitted_with, problem_of
 
-from diagnosis.hopping import Optimum, distances, hopped
+from diagnosis.hopping import Optimum, distances, hopped, likely
 
 
 def test_a_fit_behind_impacts_finds_a_better_optimum_nearby() -> None:
@@ -30,3 +30,4 @@ def test_only_optima_that_are_as_likely_count() -> None:
     assert distances(optima, 1.0) == pytest.approx(dict.fromkeys(here.values, 3e-3 / np.sqrt(2.0)))
     assert distances(optima, 2.0) == pytest.approx(dict.fromkeys(here.values, np.sqrt((9e-6 + 0.01) / 3.0)))
     assert distances((), 2.0) == {}
+    assert likely(optima) == [here, optima[0]]

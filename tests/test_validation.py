@@ -81,6 +81,12 @@ def irregular(columns: Columns) -> None:
     columns["t"][:] = np.cumsum(np.random.default_rng(1).exponential(1e-3, len(columns["t"])))
 
 
+def rename(columns: Columns) -> None:
+    for old, new in {"t": "time", "q1": "angle_1", "v1": "volts_1"}.items():
+        columns[new] = columns.pop(old)
+    del columns["dq1"]
+
+
 def silent(columns: Columns) -> None:
     columns["t"][300:] += 1.0
 
@@ -102,6 +108,7 @@ def small_motion_in_degrees(columns: Columns) -> None:
 
 BAD: dict[str, tuple[Callable[[Columns], None], str, str | None, int | None]] = {
     "no time": (drop("t"), "there is no such column; the file has v1, q1, dq1", "t", None),
+    "other names": (rename, "there is no such column; the file has time, angle_1, volts_1", "t", None),
     "no position": (drop("q1", "dq1"), "there is no such column", "q1", None),
     "no command": (drop("v1"), "joint 1 has a position but no command", "v1", None),
     "nan": (put("q1", 6, math.nan), "1 of 400 values are missing or not finite", "q1", 7),

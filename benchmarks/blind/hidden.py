@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any, TypeVar
 
@@ -247,6 +247,16 @@ def thermal_drift(d: Draw) -> Hidden:
         {"resistance_rise": Parameter(rise, "1"), "time_constant": Parameter(slow, "s")},
         law.name,
     )
+
+
+def at_heat(hidden: Hidden, square: float) -> Hidden:
+    """A thermal drift with its rise at the mean square current of the recordings; all others as they are."""
+    if hidden.name != "thermal_drift":
+        return hidden
+    rise = float(hidden.changes["heating"] * square)
+    if hidden.changes["heating_law"] == Heat.COPPER:
+        rise /= 1.0 - rise
+    return replace(hidden, parameters={**hidden.parameters, "resistance_rise": Parameter(rise, "1")})
 
 
 @_offers(VOCABULARY, _electric)

@@ -22,7 +22,7 @@ import numpy as np
 import typer
 
 from benchmarks.blind.excitation import CLOSED_FORMS, OPEN_FORMS, Experiment, plan, position_loop, run_quietly
-from benchmarks.blind.hidden import FOREIGN, VOCABULARY, Draw, Hidden, Scales, applicable, compatible, rms
+from benchmarks.blind.hidden import FOREIGN, VOCABULARY, Draw, Hidden, Scales, applicable, at_heat, compatible, rms
 from benchmarks.blind.machines import COMMON, FAMILIES, Machine, Rng, input_equivalent, log_uniform, total_inertia
 from benchmarks.blind.visibility import Streams, jitter_visibility, visibility
 from benchmarks.blind.world import Array, Drive, Joint, Motion, simulate
@@ -206,6 +206,7 @@ def _hide(
     )
     logs: list[Log] = []
     streams: list[Streams] = []
+    squares = []
     for number, experiment in enumerate(experiments):
         name = f"train_{number}" if number < train else f"holdout_{number - train}"
         recording = record(truth, experiment, name, rng)
@@ -213,9 +214,16 @@ def _hide(
             return None
         logs.append(recording[0])
         streams.append(recording[1])
+        squares.append(recording[2])
     truth = replace(truth, streams=tuple(streams))
+    heats = np.mean(squares[:train], axis=0)
     seen = tuple(
-        replace(effect, visibility=_visibility(truth, effect, tuple(logs[:train]))) for effect in truth.effects
+        replace(
+            effect,
+            hidden=at_heat(effect.hidden, heats[machine.numbers.index(effect.joint)]),
+            visibility=_visibility(truth, effect, tuple(logs[:train])),
+        )
+        for effect in truth.effects
     )
     return Trial(tuple(logs[:train]), tuple(logs[train:]), replace(truth, effects=seen))
 
@@ -317,8 +325,11 @@ def wandering(time: Array, largest: float, rng: Rng) -> Array:
     return 0.5 * largest * (1.0 - np.cos(2 * np.pi * rate * time + 0.8 * np.sin(2 * np.pi * 0.37 * rate * time)))
 
 
-def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> tuple[Log, Streams] | None:
-    """The experiment on the true machine and its hidden signals; None when it leaves its range, runs away or sticks."""
+def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> tuple[Log, Streams, Array] | None:
+    """The experiment on the true machine, its hidden signals, and the mean square current per joint (n,).
+
+    None when it leaves its range, runs away or sticks.
+    """
     machine, joints = truth.machine, truth.joints
     samples, n = experiment.feed.shape
     time: Array = machine.sample_time * np.arange(samples, dtype=np.float64)
@@ -380,7 +391,7 @@ def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> tuple[L
         loop=experiment.mode,
         name=name,
     )
-    return log, streams
+    return log, streams, np.mean(motion.current**2, axis=0)
 
 
 def _resampled(truth: Truth, motion: Motion, instants: Array, noise: Array) -> Array:

@@ -86,7 +86,8 @@ class Settings:
     """Decision rules. Evidence is -2 log likelihood gained less the price of parameters and searched shapes.
 
     threshold: least evidence of an effect. weak: evidence below which an effect also has to do something for data that
-    nobody fitted. material: least effect of its torque, as a share of the command's rms.
+    nobody fitted. material: least effect of its torque, as a share of the command's rms, beside others. faint: the same
+    of the first one: alone, integrators and rounding bring about a third of it at most.
     rival: evidence within which two explanations cannot be told apart. limit: largest number of effects per joint; more
     would be patchwork around something unknown. banded: the same in the band of the motion, where the whole band has
     left something unexplained.
@@ -104,6 +105,7 @@ class Settings:
     threshold: float = 12.0
     weak: float = 60.0
     material: float = 2.5e-4
+    faint: float = 5e-5
     rival: float = 6.0
     limit: int = 3
     banded: int = 2
@@ -629,6 +631,7 @@ def choose(
     if not ranked:
         return None
     top = ranked[0]
+    material = settings.material if accepted else settings.faint
     margin = max(settings.rival, 0.02 * top.decrease)
     if top.decrease < max(settings.minor * explained, least):
         return None
@@ -644,7 +647,7 @@ def choose(
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
         plain = not may_repair(scored, accepted, settings) or scored.decrease > settings.inexact * explained
         rough = any(item.effect.scatters and item.joint == hypothesis.joint for item in accepted)
-        if share >= (settings.material if plain else (1.0 if rough else 0.5) * settings.relevant):
+        if share >= (material if plain else (1.0 if rough else 0.5) * settings.relevant):
             rivals = tuple(
                 s
                 for s in ranked

@@ -230,10 +230,10 @@ def _find(
     tell: Callable[[str], None],
     held_out: Problem | None,
 ) -> Finding:
-    whole = select(problem, structures, effects, settings, tell, held_out=held_out)
+    search = Search.begin(problem, structures, effects, settings, tell)
+    whole = search.concluded(search.completed(search.grown(search.start)), held_out)
     if whole.verdict in ("none", "named"):
-        still = sum(r.excess for r in whole.remainders) == 0.0
-        return with_jitter(problem, whole, effects, settings) if still else whole
+        return quiet(problem, whole, effects, settings)
     depends = sum(r.excess for r in whole.remainders) > 0.0
     if whole.verdict != "unknown" or not depends:
         return whole
@@ -241,7 +241,14 @@ def _find(
     if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
         return whole
     tell("again in the band of the motion")
-    banded = select(narrow, structures, effects, replace(settings, limit=settings.banded), tell, exchange=False)
+    inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded), tell)
+    banded = inner.concluded(inner.grown(inner.start))
+    path = carried_over(search, banded)
+    if search.cost(path) < cost(problem, whole.final, whole.accepted) - settings.threshold:
+        tell("again in the whole band")
+        whole = search.concluded(search.grown(path), held_out)
+        if whole.verdict != "unknown":
+            return quiet(problem, whole, effects, settings)
     if whole.accepted and cost(narrow, in_turns(narrow, fit(narrow, whole.final.point)), whole.accepted) < cost(
         narrow, banded.final, banded.accepted
     ):
@@ -249,6 +256,27 @@ def _find(
     return replace(
         banded, verdict="unknown", remainders=whole.remainders, band=0.4 / (narrow.decimation * problem.sample_time)
     )
+
+
+def quiet(problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings) -> Finding:
+    """The finding, with a jitter if there is one; only where nothing else is left."""
+    still = sum(r.excess for r in finding.remainders) == 0.0
+    return with_jitter(problem, finding, effects, settings) if still else finding
+
+
+def carried_over(search: Search, banded: Finding) -> Path:
+    """What was found in the band of the motion, fitted in the whole band.
+
+    Where no single hypothesis brings errors in the whole band down to noise, a fit there may stop at any distance of
+    what the band of the motion shows at once.
+    """
+    problem = search.problem
+    base = in_turns(problem, free_of_filter(problem, banded.final.point)) if banded.accepted else search.nominal
+    accepted = tuple(
+        replace(item, scored=item.scored.refitted(without(problem, base, item), base)) for item in banded.accepted
+    )
+    present = frozenset(place for item in accepted for place in stood_for(item))
+    return Path(base, accepted, present, (search.nominal, base))
 
 
 def cost(problem: Problem, fitted: Fitted, accepted: Sequence[Accepted]) -> float:
@@ -298,6 +326,23 @@ class Search:
     settings: Settings
     nominal: Fitted
     tell: Callable[[str], None]
+
+    @classmethod
+    def begin(
+        cls,
+        problem: Problem,
+        structures: tuple[JointStructure, ...],
+        effects: Sequence[Effect],
+        settings: Settings,
+        tell: Callable[[str], None],
+    ) -> Search:
+        """A search in the problem's band, with its nominal model."""
+        return cls(problem, structures, effects, settings, fit_nominal(problem, structures), tell)
+
+    @property
+    def start(self) -> Path:
+        """The nominal model alone."""
+        return Path(self.nominal, (), frozenset(), (self.nominal,))
 
     def grown(self, path: Path) -> Path:
         """The path continued as far as effects are found; at their limit, as far as one takes the place of another."""
@@ -400,6 +445,60 @@ class Search:
                 return self.grown(self.advanced(shorter, best))
         return path
 
+    def completed(self, path: Path) -> Path:
+        """The path with other laws in place of its own and, where something is left, other ways that lead further.
+
+        Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
+        """
+        if path.excess > 0.0:
+            path = self.exchanged(path)
+        for earlier, other in path.forks[:FORKS]:
+            if not self.incomplete(path):
+                break
+            self.tell(f"once more with {other.label}")
+            second = self.grown(self.advanced(earlier, other))
+            if self.cost(second) < self.cost(path) - self.settings.threshold:
+                path = second
+        return path
+
+    def concluded(self, path: Path, held_out: Problem | None = None) -> Finding:
+        """What stands at the end of a path: effects that are not needed are taken back, and the verdict is given."""
+        problem, nominal, settings = self.problem, self.nominal, self.settings
+        accepted, base, left = trim(problem, nominal, list(path.accepted), path.base, path.left, settings)
+        before = base
+        accepted, base = significant(problem, accepted, base, settings)
+        if held_out is not None:
+            accepted, base = general(problem, held_out, accepted, base, settings)
+        lag = next((item for item in accepted if item.label == LAG), None)
+        base, traded = (base, ()) if lag is None else told_apart(problem, base, lag.effect, lag.joint)
+        if base is not before:
+            left = remainders(problem, base)
+        accepted = [
+            confirmed(problem, base, item, accepted[i + 1 :], settings) if accepted[i + 1 :] else item
+            for i, item in enumerate(accepted)
+        ]
+        accepted = [disguised(problem, base, item, accepted, self.effects, settings) for item in accepted]
+        pieces = patchwork(problem, base, accepted, settings.rival)
+        said = "unknown" if pieces else verdict(problem, nominal, base, accepted, left, settings)
+        refused = max((r.decrease - r.price for r in path.refused), default=0.0)
+        explained = nominal.criterion - base.criterion
+        if (accepted and refused > settings.patched * explained) or (
+            path.unsteady > max(settings.threshold, settings.inexact * explained)
+        ):
+            said = "unknown"
+        return Finding(
+            said,
+            nominal,
+            tuple(accepted),
+            base,
+            left,
+            path.steps,
+            refused=path.refused,
+            patched=pieces,
+            optima=path.optima,
+            traded=traded,
+        )
+
     def incomplete(self, path: Path) -> bool:
         """Whether something is left that neither noise nor inexact laws account for."""
         explained = self.nominal.criterion - path.base.criterion
@@ -408,68 +507,6 @@ class Search:
     def cost(self, path: Path) -> float:
         """-2 log likelihood and the price of all effects."""
         return cost(self.problem, path.base, path.accepted)
-
-
-def select(
-    problem: Problem,
-    structures: tuple[JointStructure, ...],
-    effects: Sequence[Effect],
-    settings: Settings,
-    tell: Callable[[str], None],
-    exchange: bool = True,
-    held_out: Problem | None = None,
-) -> Finding:
-    """Forward selection, other ways (if `exchange`) where the first one led nowhere, and pruning in the problem's band.
-
-    Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
-    """
-    nominal = fit_nominal(problem, structures)
-    search = Search(problem, structures, effects, settings, nominal, tell)
-    path = search.grown(Path(nominal, (), frozenset(), (nominal,)))
-    if exchange and path.excess > 0.0:
-        path = search.exchanged(path)
-    forks = path.forks[:FORKS] if exchange else ()
-    for earlier, other in forks:
-        if not search.incomplete(path):
-            break
-        tell(f"once more with {other.label}")
-        second = search.grown(search.advanced(earlier, other))
-        if search.cost(second) < search.cost(path) - settings.threshold:
-            path = second
-    accepted, base, left = trim(problem, nominal, list(path.accepted), path.base, path.left, settings)
-    before = base
-    accepted, base = significant(problem, accepted, base, settings)
-    if held_out is not None:
-        accepted, base = general(problem, held_out, accepted, base, settings)
-    lag = next((item for item in accepted if item.label == LAG), None)
-    base, traded = (base, ()) if lag is None else told_apart(problem, base, lag.effect, lag.joint)
-    if base is not before:
-        left = remainders(problem, base)
-    accepted = [
-        confirmed(problem, base, item, accepted[i + 1 :], settings) if accepted[i + 1 :] else item
-        for i, item in enumerate(accepted)
-    ]
-    accepted = [disguised(problem, base, item, accepted, effects, settings) for item in accepted]
-    pieces = patchwork(problem, base, accepted, settings.rival)
-    said = "unknown" if pieces else verdict(problem, nominal, base, accepted, left, settings)
-    refused = max((r.decrease - r.price for r in path.refused), default=0.0)
-    explained = nominal.criterion - base.criterion
-    if (accepted and refused > settings.patched * explained) or (
-        path.unsteady > max(settings.threshold, settings.inexact * explained)
-    ):
-        said = "unknown"
-    return Finding(
-        said,
-        nominal,
-        tuple(accepted),
-        base,
-        left,
-        path.steps,
-        refused=path.refused,
-        patched=pieces,
-        optima=path.optima,
-        traded=traded,
-    )
 
 
 def near_equals(item: Accepted) -> frozenset[tuple[str, int, str]]:

@@ -477,13 +477,14 @@ def test_effects_of_the_whole_band_stay_where_they_do_better_in_the_band_of_the_
     nominal = fit_nominal(problem, (JointStructure(),))
 
     def found(whole: str, banded: str) -> Finding:
-        def select(own: Problem, *others: object, **options: object) -> Finding:
-            base = fit_nominal(own, (JointStructure(),))
-            item = accepted(own, base, whole if own is problem else banded, [0.1])
-            final = item.scored.fitted
-            return Finding("unknown", base, (item,), final, (remainder(problem, nominal, 0),), (base, final))
+        def concluded(search: Search, path: Path, held_out: Problem | None = None) -> Finding:
+            base = search.nominal
+            item = accepted(search.problem, base, whole if search.problem is problem else banded, [0.1])
+            final, left = item.scored.fitted, (remainder(problem, nominal, 0),)
+            return Finding("unknown", base, (item,), final, left, (base, final))
 
-        monkeypatch.setattr("diagnosis.engine.select", select)
+        monkeypatch.setattr(Search, "concluded", concluded)
+        monkeypatch.setattr(Search, "grown", lambda search, path: replace(path, left=(remainder(problem, nominal, 0),)))
         return find(problem, (JointStructure(),), EFFECTS)
 
     kept, narrowed = found("coulomb_friction", "quadratic_drag"), found("quadratic_drag", "coulomb_friction")
@@ -492,6 +493,26 @@ def test_effects_of_the_whole_band_stay_where_they_do_better_in_the_band_of_the_
     assert [item.name for item in narrowed.accepted] == ["coulomb_friction"]
     assert narrowed.band is not None
     assert kept.verdict == narrowed.verdict == "unknown"
+
+
+def test_the_whole_band_goes_on_from_what_the_band_of_the_motion_has_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(15_000)
+    problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.2}}, noise, 30.0)], (1,))
+    grown = Search.grown
+
+    def stuck(search: Search, path: Path) -> Path:
+        if search.problem is problem and not path.accepted:
+            return replace(path, left=(remainder(problem, path.base, 0),))
+        return grown(search, path)
+
+    monkeypatch.setattr(Search, "grown", stuck)
+    effects = [NAMED["coulomb_friction"], NAMED["quadratic_drag"]]
+    finding = find(problem, (JointStructure(),), effects)
+    assert (finding.verdict, [item.name for item in finding.accepted]) == ("named", ["coulomb_friction"])
+    assert finding.band is None
+    assert finding.final.point.value("coulomb_friction.torque@0") == pytest.approx(0.2, rel=0.01)
+    (item,) = finding.accepted
+    assert item.scored.decrease > 0.9 * (finding.nominal.criterion - finding.final.criterion)
 
 
 def test_one_event_has_one_name() -> None:

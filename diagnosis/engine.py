@@ -19,7 +19,7 @@ from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import Problem, in_band
 from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainder
-from diagnosis.replay import transfer, with_phases
+from diagnosis.replay import started
 from diagnosis.search import (
     FORM,
     Ranked,
@@ -479,7 +479,9 @@ class Search:
         ]
         accepted = [disguised(problem, base, item, accepted, self.effects, settings) for item in accepted]
         pieces = patchwork(problem, base, accepted, settings.rival)
-        said = "unknown" if pieces else verdict(problem, nominal, base, accepted, left, settings)
+        said = verdict(problem, nominal, base, accepted, left, settings)
+        if pieces or not all(stays_itself(problem, replace(item.scored, fitted=base)) for item in accepted):
+            said = "unknown"
         refused = max((r.decrease - r.price for r in path.refused), default=0.0)
         explained = nominal.criterion - base.criterion
         if (accepted and refused > settings.patched * explained) or (
@@ -757,6 +759,13 @@ def is_possible(problem: Problem, scored: Scored) -> bool:
     return all(np.all(values[:, i] < AT_END * end) for i, end in either.items())
 
 
+def stays_itself(problem: Problem, scored: Scored) -> bool:
+    """Whether an effect is in the final model what its name says: within the size that it can have and, of what is
+    periodic in the position, half a period at least. Beside others it may have become a piece of another law."""
+    periodic = scored.effect.scan == "position"
+    return is_possible(problem, scored) and (not periodic or is_resolved(problem, scored))
+
+
 def prune(
     problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
 ) -> tuple[list[Accepted], Fitted]:
@@ -955,8 +964,7 @@ def general(
 
 def deviance(held_out: Problem, fitted: Fitted) -> float:
     """-2 log likelihood, up to a constant, of data that were not fitted: their innovations by the fit's own filter."""
-    point, joints = transfer(held_out, fitted.point), held_out.joints
-    point = with_phases(held_out, point, fitted.whitener)
+    point, joints = started(held_out, fitted.point, fitted.whitener), held_out.joints
     innovation = on_logs(held_out, fitted.whitener)(errors(held_out, [point])[0]).reshape(joints, -1)
     if not innovation.size:
         return 0.0

@@ -25,9 +25,9 @@ from diagnosis.replay import (
     noise_floor,
     replay,
     rms,
+    started,
     transfer,
     window_width,
-    with_phases,
 )
 from diagnosis.result import Failure, Gap, LedgerRow
 from envs.log import Array
@@ -91,7 +91,7 @@ def steps(problem: Problem, held_out: Problem, finding: Finding, given: Point | 
         titles.append((f"+ {item.label}", "effect", item.joint, fitted.point))
     found = []
     for title, role, joint, point in titles:
-        moved = with_phases(held_out, transfer(held_out, point), whiten)
+        moved = started(held_out, point, whiten)
         found.append(Step(title, role, joint, moved, replay(held_out, moved, WINDOW)))
     return found
 

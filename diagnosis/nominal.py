@@ -11,7 +11,7 @@ import numpy as np
 from diagnosis.arm_torques import UNCERTAIN
 from diagnosis.estimation import Fitted, Point, fit, predicted_motion
 from diagnosis.pair_start import PairStart, pair_start
-from diagnosis.problem import Free, Problem, Stamps, centred, evenly, smooth_derivatives, start_window
+from diagnosis.problem import Free, Problem, Stamps, centred, evenly, smooth_derivatives, start_deviation
 from diagnosis.timing import timing_settled
 from envs.log import Array, InputKind
 from methods.kernel import NOMINAL
@@ -139,8 +139,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...]) -> tuple[
             free.append(Free(f"{NOMINAL[column]}@{j}", "joint", j, column, 1.0, centre=size, deviation=deviation))
         for log in range(problem.logs):
             fastest = max(float(np.max(np.abs(motion[log][1][:, j]))), 1e-9)
-            # a cubic fitted to rounded readings, and what a cubic misses
-            deviation = 5.0 * problem.encoder_step / start_window(problem.sample_time) + 0.05 * fastest
+            deviation = float(start_deviation(problem, np.array(fastest)))
             begin = float(problem.starts[log, j, 1])
             free.append(Free(f"velocity@{j}#{log}", "start", j, 1, fastest, log=log, centre=begin, deviation=deviation))
     if problem.pair:

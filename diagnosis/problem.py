@@ -269,6 +269,14 @@ def start_window(sample_time: float) -> float:
     return max(0.03, 8 * sample_time)
 
 
+def start_deviation(problem: Problem, fastest: Array) -> Array:
+    """Standard deviation of the velocity that is read at the beginning of a log, of joints that are as fast as this.
+
+    That of a cubic fitted to rounded readings, and what a cubic misses.
+    """
+    return 5.0 * problem.encoder_step / start_window(problem.sample_time) + 0.05 * np.maximum(fastest, 1e-9)
+
+
 def smooth_derivatives(time: Array, reading: Array, seconds: float) -> tuple[Array, Array, Array]:
     """Smoothed angle, velocity and acceleration by local cubic fits over a window [s]; reading (T, n)."""
     dt = float(np.median(np.diff(time)))

@@ -18,7 +18,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter, savgol_filter
 
 from diagnosis.estimation import Fitted, Point, errors
-from diagnosis.problem import Problem, bounded, smooth_derivatives
+from diagnosis.problem import Problem, bounded, smooth_derivatives, start_deviation
 from diagnosis.whitening import Whitener, on_logs
 from envs.log import Array
 from methods.kernel import NOMINAL
@@ -70,6 +70,41 @@ def transfer(problem: Problem, point: Point) -> Point:
             if effect.scan == "event" and len(amplitudes) > 1 and np.any(np.all(amplitudes == 0.0, axis=1)):
                 switches[j, column] = False
     return replace(point, parameters=parameters, switches=switches, starts=problem.starts.copy(), free=())
+
+
+def started(problem: Problem, point: Point, filter_: Whitener) -> Point:
+    """A point fitted on other logs, made ready for these, with velocities at their beginning and phases of periodic
+    disturbances as these logs have them."""
+    return with_phases(problem, with_velocities(problem, transfer(problem, point), filter_), filter_)
+
+
+def with_velocities(problem: Problem, point: Point, filter_: Whitener) -> Point:
+    """The point with the velocities at the beginning of these logs that their readings tell beside the model.
+
+    Those of `transfer` are smoothed over a stretch in which a command that sets in at once may have changed them by
+    much. Here the whitened prediction errors of a log are regressed on the responses to other velocities, each known
+    beforehand as `start_deviation` says.
+    """
+    whiten, n = on_logs(problem, filter_), problem.joints
+    size = 0.01 * np.std(problem.velocity, axis=0) + 1e-12
+    trials = [point]
+    for j in range(n):
+        starts = point.starts.copy()
+        starts[:, j, 1] += size[j]
+        trials.append(replace(point, starts=starts))
+    errors_, starts = errors(problem, trials), point.starts.copy()
+    for log, (a, b) in enumerate(pairwise(problem.bounds)):
+        own = np.zeros_like(errors_)
+        own[:, a:b] = errors_[:, a:b]
+        plain, *others = whiten(own).reshape(n + 1, -1)
+        noise = float(np.sqrt(np.mean(plain**2)))
+        fastest = np.max(np.abs(problem.velocity[a:b]), axis=0)
+        known = np.diag(noise * size / start_deviation(problem, fastest))
+        basis = np.vstack([np.stack([other - plain for other in others], axis=1), known])
+        starts[log, :, 1] -= size * np.linalg.lstsq(basis, np.concatenate([plain, np.zeros(n)]), rcond=None)[0]
+    moved = replace(point, starts=starts)
+    better = np.sum(whiten(errors(problem, [moved])[0]) ** 2) < np.sum(whiten(errors_[0]) ** 2)
+    return moved if better else point
 
 
 def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:

@@ -24,6 +24,10 @@ CARRIED = 2
 """Fits to the unfiltered errors that are carried on to the filtered ones; twice as many converge before."""
 LEAST = 3
 """Hypotheses that are fitted in any case."""
+SHARES = (1.0, 0.5, 0.25, 0.125)
+"""Shares of what a regression says of a hypothesis, of which the one that comes closest is fitted further."""
+ALIKE = 1.1
+"""Squares that another share may leave, over those of the best one, to be fitted as well."""
 NEARLY = 0.5
 """Share of its price that a hypothesis has to promise to be fitted."""
 FAR = 0.02
@@ -206,17 +210,10 @@ def hidden(filtered: Sequence[Start], bare: Sequence[Start]) -> list[Start]:
 def roughly(problem: Problem, view: Fitted, start: Start, known: Array, *, renewed: bool = True) -> list[Fitted]:
     """First fits of a hypothesis from each of its starting values; the sensitivities (K, T, n) of the view stay.
 
-    The filter is the fit's own if `renewed`, else the view's. The first start is moved along with what the regression
-    says of the other parameters where that comes closer.
+    The filter is the fit's own if `renewed`, else the view's.
     """
-    points = [extend(problem, view.point, start.hypothesis, values) for values in (start.values, *start.others)]
-    if start.shift is not None:
-        moved = view.point.within(view.point.vector + start.shift)
-        moved = extend(problem, moved, start.hypothesis, start.values)
-        outcomes = errors(problem, [moved, points[0]])
-        filters = [whitener(problem, e) if renewed else view.whitener for e in outcomes]
-        beside, at = (np.sum(own(e) ** 2) for own, e in zip(filters, outcomes, strict=True))
-        points[0] = moved if beside < at else points[0]
+    others = [extend(problem, view.point, start.hypothesis, values) for values in start.others]
+    points = [*nearest(problem, view, start, renewed=renewed), *others]
     return [
         fit(
             problem,
@@ -230,6 +227,34 @@ def roughly(problem: Problem, view: Fitted, start: Start, known: Array, *, renew
         )
         for p in points
     ]
+
+
+def nearest(problem: Problem, view: Fitted, start: Start, *, renewed: bool) -> list[Point]:
+    """First points of a hypothesis: as much of what the regression says as comes closest, and another share of it that
+    comes nearly as close.
+
+    A law of the command may be far from what it promises in first order: a dead zone that is wider than all commands of
+    a log does nothing more, and no way leads back. The other parameters are moved along, or stay.
+    """
+    effect, shift = start.hypothesis.effect, start.shift
+    amplitudes, points, shares = list(effect.amplitudes), [], []
+    for share in SHARES if effect.slot == "command" else SHARES[:1]:
+        values = start.values.copy()
+        values[:, amplitudes] *= share
+        points.append(extend(problem, view.point, start.hypothesis, values))
+        if shift is not None:
+            moved = view.point.within(view.point.vector + share * shift)
+            points.append(extend(problem, moved, start.hypothesis, values))
+        shares += [share] * (len(points) - len(shares))
+    if len(points) == 1:
+        return points
+    outcomes = errors(problem, points)
+    filters = [whitener(problem, e) if renewed else view.whitener for e in outcomes]
+    left = [float(np.sum(own(e) ** 2)) for own, e in zip(filters, outcomes, strict=True)]
+    order = [int(i) for i in np.argsort(left)]
+    best = order[0]
+    close = [i for i in order if shares[i] != shares[best] and left[i] < ALIKE * left[best]]
+    return [points[i] for i in (best, *close[:1])]
 
 
 def further(problem: Problem, view: Fitted, starts: Sequence[Start], known: Array) -> list[tuple[Start, Fitted]]:

@@ -33,7 +33,8 @@ def timing_settled(problem: Problem, fitted: Fitted) -> Fitted:
 
     They do where a shift, even one at the end of its range, explains something, or, beside a delay, Euler's steps:
     these come with a shift of half a step. At the end of its range a timing stands in for something else. Only what
-    promises something to first order is fitted.
+    promises something to first order is fitted. A timing that is there stays where nothing else does as well: without
+    it a fit may end elsewhere.
     """
     cost = (float(np.log(fitted.samples)) + LEAST) * problem.joints
     exact = _timed(problem, fitted, free=False, euler=False)
@@ -45,10 +46,12 @@ def timing_settled(problem: Problem, fitted: Fitted) -> Fitted:
 
     first, *further = promised
     asking = tried(*first)
+    known = [(fitted, cost)] if is_timed(fitted) and _inside(fitted) else []
     if asking is None or exact.criterion - asking.criterion < cost:
-        return exact
-    found = [(asking, first), *((tried(*kind), kind) for kind in further)]
-    options = [(other, cost * sum(kind)) for other, kind in found if other is not None and _inside(other)]
+        options = known
+    else:
+        found = [(asking, first), *((tried(*kind), kind) for kind in further)]
+        options = [(other, cost * sum(kind)) for other, kind in found if other is not None and _inside(other)] + known
     return min([(exact, 0.0), *options], key=lambda option: option[0].criterion + option[1])[0]
 
 

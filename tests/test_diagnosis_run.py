@@ -33,7 +33,7 @@ from diagnosis.preparation import (
     structure,
 )
 from diagnosis.problem import DIVERGED, stack
-from diagnosis.replay import replay, rms, transfer, with_phases
+from diagnosis.replay import replay, rms, started, transfer, with_phases
 from diagnosis.result import Diagnosis, Estimate, Failure, NominalParameter
 from diagnosis.run import Solved, diagnose, joint_title, scale_said, solve, together_said
 from envs.adeptone import adeptone as adept_robot
@@ -335,6 +335,20 @@ def test_phase_of_a_disturbance_is_not_that_of_a_badly_known_velocity_at_the_beg
     found = with_phases(held_out, transfer(held_out, final.point), final.whitener)
     sine, cosine, _ = found.parameters[0, 0, kernel.own(effect)]
     assert np.arctan2(cosine, sine) == pytest.approx(2.4, abs=0.05)
+
+
+def test_velocities_at_the_beginning_of_other_logs_are_what_their_readings_tell() -> None:
+    kernel = build(built_in())
+    problem, held_out = (stack(kernel, [recorded(model_of(FRICTION), seed)], (1,)) for seed in (1, 5))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    point = extend(problem, nominal.point, Hypothesis(effects_of("coulomb_friction")[0], 0), np.array([[0.06]]))
+    final = fit(problem, point)
+    error = 0.04 * np.max(np.abs(held_out.velocity))
+    wrong = replace(held_out, starts=held_out.starts + np.array([0.0, error, 0.0]))
+    found = started(wrong, final.point, final.whitener)
+    assert abs(found.starts[0, 0, 1]) < 0.02 * error  # it began at rest
+    before, after = (rms(replay(wrong, p).windows) for p in (transfer(wrong, final.point), found))
+    assert after < 0.9 * before
 
 
 # ------------------------------------------------------------------------------------------ parameters and their spread

@@ -29,6 +29,7 @@ from diagnosis.engine import (
     near_equals,
     nearly_as_good,
     settled_anew,
+    stays_itself,
     textbook,
 )
 from diagnosis.estimation import errors, finish, fit, plain, sensitivities
@@ -48,11 +49,13 @@ from diagnosis.search import (
     exchanged,
     generalised,
     in_turns,
+    nearest,
     off_limits,
     price,
     retimed,
     try_all,
 )
+from diagnosis.timing import _timed, is_timed, timing_settled
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array, JointFacts, Log
 from methods.base import State
@@ -923,3 +926,50 @@ def test_the_weight_of_the_arm_hangs_behind_the_transmission(name: str) -> None:
     away = found - solved.y[0]
     assert np.std(away[:100]) < 0.02 * np.std(found[:100])
     assert np.std(away) < 0.02 * np.std(found)
+
+
+def test_an_effect_that_has_become_a_piece_of_another_law_is_not_itself() -> None:
+    problem = problem_of({})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    half = np.pi / np.ptp(problem.reading)
+
+    def ripple(sine: float, cycles: float) -> bool:
+        point = extend(problem, nominal.point, Hypothesis(NAMED["torque_ripple"], 0), np.array([[sine, 0.0, cycles]]))
+        fitted = replace(nominal, point=point)
+        start = Start(Hypothesis(NAMED["torque_ripple"], 0), np.array([[sine, 0.0, cycles]]), 0.0)
+        return stays_itself(problem, Scored(start, fitted, 0.0, 0.0))
+
+    assert ripple(0.1, 2.0 * half)
+    assert not ripple(0.1, 0.9 * half)
+    assert not ripple(1.0, 2.0 * half)
+
+
+def test_as_much_of_what_a_regression_says_as_comes_closest() -> None:
+    problem = problem_of({"dead_zone": {"voltage": 0.3}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    none = np.zeros(len(nominal.point.free))
+
+    def begun(name: str, value: float) -> list[float]:
+        start = Start(Hypothesis(NAMED[name], 0), np.full((1, 1), value), 0.0, shift=none)
+        points = nearest(problem, nominal, start, renewed=True)
+        return [p.vector[-1] for p in points]
+
+    assert begun("dead_zone", 2.4)[0] in (0.3, 0.6)
+    assert begun("quadratic_drag", 2.4) == [2.4]
+    one, other = begun("amplifier_offset", 1e-9)  # too small to matter: any share of it comes as close
+    assert one != other
+
+
+def test_a_timing_stays_where_a_fit_without_it_ends_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of({})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    timed = _timed(problem, nominal, free=True, euler=False)
+    assert is_timed(timed)
+    far = replace(nominal, error=10.0 * nominal.error, innovation=10.0 * nominal.innovation)
+    monkeypatch.setattr("diagnosis.timing._timed", lambda *given, **how: far)
+    monkeypatch.setattr("diagnosis.timing.promises", lambda *given: {(True, False): 0.0, (False, True): 0.0})
+    assert timing_settled(problem, timed) is timed
+    assert timing_settled(problem, nominal) is far
+    near = replace(far, innovation=timed.innovation, error=timed.error)
+    monkeypatch.setattr("diagnosis.timing._timed", lambda *given, **how: near)
+    assert timing_settled(problem, timed) is near

@@ -19,8 +19,8 @@ EFFECT = Effect(
     stage="motor",
     slot="gain",
     parameters=(
-        EffectParameter("sine", "ratio", "sine part of the share"),
-        EffectParameter("cosine", "ratio", "cosine part of the share"),
+        EffectParameter("sine", "ratio", "sine part of the share", lower=-1.0, upper=1.0),
+        EffectParameter("cosine", "ratio", "cosine part of the share", lower=-1.0, upper=1.0),
         EffectParameter(
             "cycles_per_rev", "cycles per revolution", "cycles per revolution (2 pi per metre)", lower=1e-3
         ),

@@ -252,6 +252,10 @@ def test_a_bridge_lowers_its_supply_by_the_power_that_it_draws() -> None:
     assert sag(3.0, 0.0, 0.0, 0.0, 2.0, (0.01,)) == pytest.approx(3.0 * (1.0 - 0.06))
     assert sag(-3.0, 0.0, 0.0, 0.0, -2.0, (0.01,)) == pytest.approx(-3.0 * (1.0 - 0.06))
     assert sag(3.0, 0.0, 0.0, 0.0, -2.0, (0.01,)) == 3.0  # the motor brakes: nothing is drawn
+    by_duty = NAMED["supply_sag_by_duty"].function
+    assert by_duty is not None
+    for current in (2.0, -2.0):
+        assert by_duty(-3.0, 0.0, 0.0, 0.0, current, (0.01,)) == pytest.approx(-3.0 * (1.0 - 0.06))
 
 
 def test_a_load_picked_up_at_rest_keeps_the_momentum() -> None:

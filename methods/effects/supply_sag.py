@@ -61,5 +61,19 @@ BY_POWER = replace(
     function=by_power,
 )
 """As a bridge draws it: a supply gives the power that the motor takes, and takes back none."""
-FORMS = (EFFECT, BY_COMMAND, BY_POWER)
+
+
+def by_duty(u, t, q, dq, w, p):
+    """u (1 - gain |u w|)."""
+    return u * max(0.0, 1.0 - p[0] * abs(u * w))
+
+
+BY_DUTY = replace(
+    BY_POWER,
+    name="supply_sag_by_duty",
+    equation=r"v_a = v\,(1 - g\,|v i|)",
+    function=by_duty,
+)
+"""As a simulator may have it in which the supply's current is the share of the motor's, whatever its sign."""
+FORMS = (EFFECT, BY_COMMAND, BY_POWER, BY_DUTY)
 EFFECTS = tuple(replace(form, excludes=tuple(f.name for f in FORMS if f is not form)) for form in FORMS)

@@ -882,6 +882,7 @@ def disguised(
     """The effect with those forms of it among its rivals that beside another effect are the same to any log.
 
     Dry friction that differs between the directions is dry friction and an offset. The first parameters are compared.
+    The same they are to 2 % of what the effect explains: the law beside it may turn over a velocity, its rival at once.
     """
     size = lambda effect: np.abs(  # noqa: E731
         base.point.parameters[:, item.joint, problem.kernel.offsets[effect.name]]
@@ -890,8 +891,10 @@ def disguised(
         bearers = [other.effect for other in accepted if other.label in effect.beside and other.joint == item.joint]
         if item.name not in effect.includes or size(item.effect) > sum(map(size, bearers)):
             continue
-        for rival in try_all(problem, without(problem, base, item), [(effect, item.joint)])[:1]:
-            if rival.fitted.criterion < base.criterion + settings.rival:
+        smaller = without(problem, base, item)
+        margin = max(settings.rival, 0.02 * (smaller.criterion - base.criterion))
+        for rival in try_all(problem, smaller, [(effect, item.joint)])[:1]:
+            if rival.fitted.criterion < base.criterion + margin:
                 item = replace(item, rivals=(*item.rivals, rival))
     return item
 

@@ -284,6 +284,13 @@ def lags_said(solved: Solved, j: int) -> str:
     )
 
 
+def is_determined(effect: NamedEffect) -> bool:
+    """Whether the logs determine any parameter of an effect with several: one of which they tell nothing but that it
+    explains something stands for another one."""
+    known = (abs(p.input_equivalent.value) > p.input_equivalent.std for p in effect.parameters)
+    return len(effect.parameters) < 2 or any(known)
+
+
 REST_OF_THE_ARM = (
     "what the motion of the other joints does to it is taken from the description and the measured motion; the "
     "extended model and its MJCF hold the joint without it"
@@ -417,6 +424,7 @@ def joint_result(
     numbers["damping"] = numbers.get("viscous", 0.0) + numbers.get("back_emf", 0.0)
     named = tuple(named_effect(solved, item, spread, joint, units) for item in finding.accepted if item.joint == j)
     left = finding.remainders[j]
+    said = solved.verdict if len(solved.joints) == 1 or solved.verdict == "unknown" or named else "none"
     visible, confusable = isolability(solved.problem, finding, j, joint, effects, settings)
     result = JointResult(
         joint=joint,
@@ -425,7 +433,7 @@ def joint_result(
         position_unit=units.position,
         torque_unit=units.torque,
         input_equivalent=units.per_torque,
-        verdict=solved.verdict if len(solved.joints) == 1 or solved.verdict == "unknown" or named else "none",
+        verdict=said if all(map(is_determined, named)) else "unknown",
         effects=named,
         nominal=nominal_parameters(
             finding.nominal, finding.final, (covariance(finding.nominal), spread), j, units, numbers if given else {}

@@ -237,7 +237,9 @@ def nearest(problem: Problem, view: Fitted, start: Start, *, renewed: bool) -> l
     a log does nothing more, and no way leads back. The other parameters are moved along, or stay.
     """
     effect, shift = start.hypothesis.effect, start.shift
-    amplitudes, points, shares = list(effect.amplitudes), [], []
+    amplitudes = list(effect.amplitudes)
+    points: list[Point] = []
+    shares: list[float] = []
     for share in SHARES if effect.slot == "command" else SHARES[:1]:
         values = start.values.copy()
         values[:, amplitudes] *= share

@@ -34,8 +34,16 @@ from diagnosis.preparation import (
 )
 from diagnosis.problem import DIVERGED, stack
 from diagnosis.replay import replay, rms, started, transfer, with_phases
-from diagnosis.result import Diagnosis, Estimate, Failure, NominalParameter
-from diagnosis.run import Solved, diagnose, joint_title, scale_said, solve, together_said
+from diagnosis.result import (
+    Diagnosis,
+    Estimate,
+    Evidence,
+    Failure,
+    NamedEffect,
+    NominalParameter,
+    ParameterEstimate,
+)
+from diagnosis.run import Solved, diagnose, is_determined, joint_title, scale_said, solve, together_said
 from envs.adeptone import adeptone as adept_robot
 from envs.excitation import parse
 from envs.log import Array, JointFacts, Log
@@ -705,3 +713,18 @@ def test_parameters_that_all_differ_by_one_factor_speak_of_another_scale(
     result = SimpleNamespace(nominal=[parameter(*item) for item in stated.items()], joint=3)
     text = scale_said(result)
     assert (f"joint 3: inertia, damping and gravity are all about {said}" in text) if said else not text
+
+
+def test_an_effect_of_which_no_parameter_is_known_is_not_determined() -> None:
+    def flexible(*deviations: float) -> NamedEffect:
+        names = ("stiffness", "damping", "inertia_ratio")
+        own = [
+            ParameterEstimate(name, Estimate(10.0, std, "1"), Estimate(1.0, 0.1 * std, "1"))
+            for name, std in zip(names, deviations, strict=False)
+        ]
+        none = Evidence(0.0, 0.0, 0.0)
+        return NamedEffect("joint_flexibility", 1, "transmission", "", "position", tuple(own), none, ())
+
+    assert is_determined(flexible(80.0, 70.0, 1.0))
+    assert not is_determined(flexible(80.0, 70.0, 100.0))
+    assert is_determined(flexible(80.0))

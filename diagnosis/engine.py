@@ -215,7 +215,8 @@ def find(
 
     The whole band of the encoder decides first: there an exact model leaves nothing but noise. Where something is left
     (`unknown`), the effects are sought again in the band in which the joint moved, and those that shape the motion
-    there are reported, unless those of the whole band do better there, too; the verdict stays.
+    there are reported, unless those of the whole band do better there, too; the verdict stays. Only where the search in
+    the whole band, begun again from them, leaves nothing, they are what was missing.
     """
     settings = settings or Settings()
     with threadpool_limits(1, "blas"):  # the kernels run in parallel; matrix products of this size do not gain from it
@@ -246,9 +247,9 @@ def _find(
     path = carried_over(search, banded)
     if search.cost(path) < cost(problem, whole.final, whole.accepted) - settings.threshold:
         tell("again in the whole band")
-        whole = search.concluded(search.grown(path), held_out)
-        if whole.verdict != "unknown":
-            return quiet(problem, whole, effects, settings)
+        longer = search.concluded(search.grown(path), held_out)
+        if longer.verdict != "unknown":
+            return quiet(problem, longer, effects, settings)
     if whole.accepted and cost(narrow, in_turns(narrow, fit(narrow, whole.final.point)), whole.accepted) < cost(
         narrow, banded.final, banded.accepted
     ):

@@ -87,7 +87,7 @@ class Settings:
 
     threshold: least evidence of an effect. weak: evidence below which an effect also has to do something for data that
     nobody fitted. material: least effect of its torque, as a share of the command's rms, beside others. faint: the same
-    of the first one: alone, integrators and rounding bring about a third of it at most.
+    of the first one, beside which no inexact law of another one can need repair.
     rival: evidence within which two explanations cannot be told apart. limit: largest number of effects per joint; more
     would be patchwork around something unknown. banded: the same in the band of the motion, where the whole band has
     left something unexplained.
@@ -244,8 +244,8 @@ def _find(
     tell("again in the band of the motion")
     inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded), tell)
     banded = inner.concluded(inner.grown(inner.start))
-    path = carried_over(search, banded)
-    if search.cost(path) < cost(problem, whole.final, whole.accepted) - settings.threshold:
+    path = carried_over(search, banded, cost(problem, whole.final, whole.accepted) - settings.threshold)
+    if path is not None:
         tell("again in the whole band")
         longer = search.concluded(search.grown(path), held_out)
         if longer.verdict != "unknown":
@@ -265,14 +265,19 @@ def quiet(problem: Problem, finding: Finding, effects: Sequence[Effect], setting
     return with_jitter(problem, finding, effects, settings) if still else finding
 
 
-def carried_over(search: Search, banded: Finding) -> Path:
-    """What was found in the band of the motion, fitted in the whole band.
+def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
+    """What was found in the band of the motion, fitted in the whole band; None where that does not cost less than
+    `most`.
 
     Where no single hypothesis brings errors in the whole band down to noise, a fit there may stop at any distance of
     what the band of the motion shows at once.
     """
     problem = search.problem
-    base = in_turns(problem, free_of_filter(problem, banded.final.point)) if banded.accepted else search.nominal
+    if not banded.accepted:
+        return None
+    base = in_turns(problem, free_of_filter(problem, banded.final.point))
+    if not cost(problem, base, banded.accepted) < most:
+        return None
     accepted = tuple(
         replace(item, scored=item.scored.refitted(without(problem, base, item), base)) for item in banded.accepted
     )

@@ -25,7 +25,7 @@ from methods.effects.base import Dimension, Effect
 from methods.kernel import NOMINAL
 
 INEXACT = 2e-4
-"""Least standard deviation of a parameter as a share of it: what integrators, rounded laws and clocks differ by."""
+"""Least standard deviation of a parameter as a share of it: what integrators, rounded laws and clocks may differ by."""
 INSTANTS = ("time", "phase")
 """Parameters whose zero is arbitrary."""
 Values = Mapping[str, float]

@@ -85,18 +85,10 @@ def with_velocities(problem: Problem, point: Point, filter_: Whitener) -> Point:
     much. Here the whitened prediction errors of a log are regressed on the responses to other velocities, each known
     beforehand as `start_deviation` says.
     """
-    whiten, n = on_logs(problem, filter_), problem.joints
-    size = 0.01 * np.std(problem.velocity, axis=0) + 1e-12
-    trials = [point]
-    for j in range(n):
-        starts = point.starts.copy()
-        starts[:, j, 1] += size[j]
-        trials.append(replace(point, starts=starts))
-    errors_, starts = errors(problem, trials), point.starts.copy()
+    whiten, n, size = on_logs(problem, filter_), problem.joints, push(problem)
+    errors_, starts = errors(problem, [point, *pushed(problem, point)]), point.starts.copy()
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
-        own = np.zeros_like(errors_)
-        own[:, a:b] = errors_[:, a:b]
-        plain, *others = whiten(own).reshape(n + 1, -1)
+        plain, *others = whiten(of_log(problem, errors_, log)).reshape(n + 1, -1)
         noise = float(np.sqrt(np.mean(plain**2)))
         fastest = np.max(np.abs(problem.velocity[a:b]), axis=0)
         known = np.diag(noise * size / start_deviation(problem, fastest))
@@ -107,6 +99,29 @@ def with_velocities(problem: Problem, point: Point, filter_: Whitener) -> Point:
     return moved if better else point
 
 
+def push(problem: Problem) -> Array:
+    """Change of the velocities at the beginning of a log (n,) by which the response to them is taken."""
+    return 0.01 * np.std(problem.velocity, axis=0)
+
+
+def pushed(problem: Problem, point: Point) -> list[Point]:
+    """The model with another velocity at the beginning of all logs, of one joint at a time."""
+    found = []
+    for j, change in enumerate(push(problem)):
+        starts = point.starts.copy()
+        starts[:, j, 1] += change
+        found.append(replace(point, starts=starts))
+    return found
+
+
+def of_log(problem: Problem, errors_: Array, log: int) -> Array:
+    """Errors (C, T, n) of one log, zero in the others."""
+    window = slice(problem.bounds[log], problem.bounds[log + 1])
+    own = np.zeros_like(errors_)
+    own[:, window] = errors_[:, window]
+    return own
+
+
 def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:
     """The point with the phases of periodic disturbances as each of these logs has them; amplitudes stay.
 
@@ -115,11 +130,6 @@ def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:
     its beginning, which a coarse encoder shows badly and little friction remembers.
     """
     whiten = on_logs(problem, filter_)
-    faster = []
-    for j in range(problem.joints):
-        starts = point.starts.copy()
-        starts[:, j, 1] += 0.01 * np.std(problem.velocity[:, j])
-        faster.append(starts)
     for effect in problem.kernel.effects:
         if effect.scan != "time":
             continue
@@ -132,11 +142,10 @@ def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:
                 parameters = point.parameters.copy()
                 parameters[:, j, pair] = values
                 trials.append(replace(point, parameters=parameters))
-            errors_ = errors(problem, [*trials, *(replace(trials[0], starts=starts) for starts in faster)])
+            errors_ = errors(problem, [*trials, *pushed(problem, trials[0])])
             parameters = point.parameters.copy()
-            for log, (a, b) in enumerate(pairwise(problem.bounds)):
-                own = np.zeros_like(errors_)
-                own[:, a:b] = errors_[:, a:b]
+            for log in range(problem.logs):
+                own = of_log(problem, errors_, log)
                 plain, *others = whiten(own).reshape(len(own), problem.joints, -1)[:, j]
                 basis = np.stack([other - plain for other in others], axis=1)
                 weights = -np.linalg.lstsq(basis, plain, rcond=None)[0][:2]

@@ -238,25 +238,23 @@ def nearest(problem: Problem, view: Fitted, start: Start, *, renewed: bool) -> l
     """
     effect, shift = start.hypothesis.effect, start.shift
     amplitudes = list(effect.amplitudes)
-    points: list[Point] = []
-    shares: list[float] = []
+    tried: list[tuple[float, Point]] = []
     for share in SHARES if effect.slot == "command" else SHARES[:1]:
         values = start.values.copy()
         values[:, amplitudes] *= share
-        points.append(extend(problem, view.point, start.hypothesis, values))
+        tried.append((share, extend(problem, view.point, start.hypothesis, values)))
         if shift is not None:
             moved = view.point.within(view.point.vector + share * shift)
-            points.append(extend(problem, moved, start.hypothesis, values))
-        shares += [share] * (len(points) - len(shares))
-    if len(points) == 1:
-        return points
-    outcomes = errors(problem, points)
+            tried.append((share, extend(problem, moved, start.hypothesis, values)))
+    if len(tried) == 1:
+        return [tried[0][1]]
+    outcomes = errors(problem, [point for _, point in tried])
     filters = [whitener(problem, e) if renewed else view.whitener for e in outcomes]
     left = [float(np.sum(own(e) ** 2)) for own, e in zip(filters, outcomes, strict=True)]
-    order = [int(i) for i in np.argsort(left)]
-    best = order[0]
-    close = [i for i in order if shares[i] != shares[best] and left[i] < ALIKE * left[best]]
-    return [points[i] for i in (best, *close[:1])]
+    ranked = sorted(zip(left, tried, strict=True), key=lambda option: option[0])
+    least, (best, first) = ranked[0]
+    close = [point for value, (share, point) in ranked if share != best and value < ALIKE * least]
+    return [first, *close[:1]]
 
 
 def further(problem: Problem, view: Fitted, starts: Sequence[Start], known: Array) -> list[tuple[Start, Fitted]]:

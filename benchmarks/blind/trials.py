@@ -212,9 +212,10 @@ def _hide(
         recording = record(truth, experiment, name, rng)
         if recording is None:
             return None
-        logs.append(recording[0])
-        streams.append(recording[1])
-        squares.append(recording[2])
+        log, signals, square = recording
+        logs.append(log)
+        streams.append(signals)
+        squares.append(square)
     truth = replace(truth, streams=tuple(streams))
     heats = np.mean(squares[:train], axis=0)
     seen = tuple(

@@ -219,16 +219,18 @@ def adequacy(joint: JointResult) -> list[str]:
         said.append(f"The logs determine {enumerated(good)}.")
     if poor:
         said.append(f"Poorly determined, with relative standard deviation: {enumerated(poor)}.")
-    seen = sorted(row.share for row in joint.isolability if row.share is not None)
+    seen = sorted(row.share for row in joint.isolability if row.share is not None and row.share < 1.0)
     if seen:
         middle = quantities.percent(seen[len(seen) // 2], 2)
         said.append(
             f"{len(seen)} of {len(joint.isolability)} known effects would be visible; half of them from {middle} "
             "of the command's rms or less."
         )
-    hidden = [quantities.title(row.effect) for row in joint.isolability if row.threshold is None]
-    if hidden:
-        said.append(f"Not visible in these logs: {enumerated(hidden)}.")
+    large = [row for row in joint.isolability if row.share is not None and row.share >= 1.0]
+    never = [row for row in joint.isolability if row.threshold is None]
+    for why, rows in (("Visible only if they exceed the command's rms", large), ("Not visible in these logs", never)):
+        if rows:
+            said.append(f"{why}: {enumerated([quantities.title(row.effect) for row in rows])}.")
     return said
 
 

@@ -318,7 +318,8 @@ def compared(
     joint = solved.joints[j]
     rows_ = []
     if solved.compensators[j] is None:
-        reason = solved.no_compensator or "what is left of this joint is noise"
+        noise = "what is left is noise" if solved.verdict != "unknown" else "what is left follows no signal of the logs"
+        reason = solved.no_compensator or noise
         rows_.append(LedgerRow(joint, "+ compensator", "compensator", None, None, None, note=reason))
     gravity = solved.structures[j].gravity == "constant"
     scale = (own_gap.before, own_gap.noise_floor)

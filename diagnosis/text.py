@@ -7,15 +7,20 @@ from io import StringIO
 from diagnosis.quantities import measured, number, percent, plain, quantity, scale_for, title
 from diagnosis.result import Diagnosis, Estimate, Gap, JointResult, NamedEffect
 
-HEADLINE = {"joint_flexibility": "stiffness"}
-"""Effects that are better known by another parameter than their first."""
+HEADLINE = {
+    "joint_flexibility": "of {stiffness}",
+    "stribeck_friction": "of {torque}, {static_torque} from rest",
+    "thermal_drift": "by {resistance_rise} times the cold resistance",
+    "torque_ripple": "of {share} times the torque",
+    "load_dependent_friction": "of {coefficient} times the torque",
+}
+"""How strong an effect is, in its parameters; others are as strong as their first one says."""
 
 
 def describe(effect: NamedEffect) -> str:
-    """An effect with the parameter that says how strong it is: ``Coulomb friction of 6.9 ± 0.1 N m``."""
-    named = {p.name: p.physical for p in effect.parameters}
-    estimate = named.get(HEADLINE.get(effect.name, ""), effect.parameters[0].physical)
-    return f"{title(effect.name)} of {rounded(estimate)}"
+    """An effect with the parameters that say how strong it is: ``Coulomb friction of 6.9 ± 0.1 N m``."""
+    named = {p.name: rounded(p.physical) for p in effect.parameters}
+    return f"{title(effect.name)} {HEADLINE.get(effect.name, f'of {next(iter(named.values()))}').format(**named)}"
 
 
 def rounded(estimate: Estimate) -> str:

@@ -16,8 +16,8 @@ from diagnosis.model_equations import model_equations
 from diagnosis.output import to_json
 from diagnosis.patchwork import Patchwork
 from diagnosis.problem import DIVERGED
-from diagnosis.quantities import measured, number, percent, quantity, unbroken
-from diagnosis.report import MEANING, render
+from diagnosis.quantities import measured, number, percent, plain, quantity, unbroken
+from diagnosis.report import MEANING, adequacy, render
 from diagnosis.result import (
     Alternative,
     Diagnosis,
@@ -38,7 +38,7 @@ from diagnosis.result import (
     SignalDependence,
     Spectrum,
 )
-from diagnosis.text import gain, joint_sentence, table
+from diagnosis.text import describe, gain, joint_sentence, table
 from methods.effects import built_in
 
 HOSTILE = '<script>alert("1")</script> $x_{ & \' "onmouseover="x'
@@ -292,6 +292,27 @@ def test_the_sentence_of_a_patchwork_says_what_the_names_stand_for() -> None:
     two = replace(one, effects=one.effects * 2, patched=Patchwork.POSITION)
     pieces = "describe the logs, but only as pieces of one smooth torque of the position that no known effect is"
     assert pieces in joint_sentence(two, None)
+
+
+def test_a_law_is_as_strong_as_all_its_levels_say() -> None:
+    levels = tuple(
+        ParameterEstimate(name, Estimate(value, 0.1, "N m"), Estimate(0.008 * value, 0.0008, "V"))
+        for name, value in (("torque", 6.9), ("static_torque", 8.4), ("velocity", 0.02))
+    )
+    assert plain(describe(friction(1))) == "Coulomb friction of 6.91 ± 0.12 N m"
+    both = plain(describe(replace(friction(1), name="stribeck_friction", parameters=levels)))
+    assert both == "Stribeck friction of 6.90 ± 0.10 N m, 8.40 ± 0.10 N m from rest"
+
+
+def test_an_effect_that_would_have_to_exceed_the_command_does_not_count_as_visible() -> None:
+    result = joint_result(1, "named", "train")
+    large = Isolability("input_delay", 1, 3.0, 1.7, "amplifier_lag", 4.2)
+    said = adequacy(replace(result, isolability=(*result.isolability, large)))
+    assert plain(said[-3]).startswith("1 of 3 known effects would be visible; half of them from 0.030 %")
+    assert said[-2:] == [
+        "Visible only if they exceed the command's rms: input delay.",
+        "Not visible in these logs: axis coupling.",
+    ]
 
 
 def test_hostile_names_are_text() -> None:

@@ -483,7 +483,7 @@ def test_effects_of_the_whole_band_stay_where_they_do_better_in_the_band_of_the_
     problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.2}}, noise, 30.0)], (1,))
     nominal = fit_nominal(problem, (JointStructure(),))
 
-    def found(whole: str, banded: str) -> Finding:
+    def found(whole: str, banded: str, apart: Problem | None = None) -> Finding:
         def concluded(search: Search, path: Path, held_out: Problem | None = None) -> Finding:
             base = search.nominal
             item = accepted(search.problem, base, whole if search.problem is problem else banded, [0.1])
@@ -492,7 +492,7 @@ def test_effects_of_the_whole_band_stay_where_they_do_better_in_the_band_of_the_
 
         monkeypatch.setattr(Search, "concluded", concluded)
         monkeypatch.setattr(Search, "grown", lambda search, path: replace(path, left=(remainder(problem, nominal, 0),)))
-        return find(problem, (JointStructure(),), EFFECTS)
+        return find(problem, (JointStructure(),), EFFECTS, held_out=apart)
 
     kept, narrowed = found("coulomb_friction", "quadratic_drag"), found("quadratic_drag", "coulomb_friction")
     assert [item.name for item in kept.accepted] == ["coulomb_friction"]
@@ -500,6 +500,10 @@ def test_effects_of_the_whole_band_stay_where_they_do_better_in_the_band_of_the_
     assert [item.name for item in narrowed.accepted] == ["coulomb_friction"]
     assert narrowed.band is not None
     assert kept.verdict == narrowed.verdict == "unknown"
+    friction, drag = {"coulomb_friction": {"torque": 0.2}}, {"quadratic_drag": {"coefficient": 0.05}}
+    for hidden, stays in ((friction, True), (drag, False)):  # what nobody fitted has a say, too
+        apart = stack(KERNEL, [record(hidden, noise, 30.0)], (1,))
+        assert (found("coulomb_friction", "quadratic_drag", apart).band is None) == stays
 
 
 def test_the_whole_band_goes_on_from_what_the_band_of_the_motion_has_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,10 +30,10 @@ ROWS = 6000
 def compensators(
     logs: Sequence[Log], problem: Problem, finding: Finding, group: tuple[int, ...], rng: np.random.Generator
 ) -> tuple[tuple[TwoLayerNetwork | None, ...], str]:
-    """One network per joint of a problem, or None where it does not earn its place or has nothing to learn; and the
-    reason in words where it is the former."""
+    """One network per joint of a problem, or None where it does not earn its place; and the reason in words."""
     if all(left.excess <= 0.0 for left in finding.remainders):
-        return (None,) * problem.joints, ""
+        what = "follows no signal of the logs" if finding.verdict == "unknown" else "is noise"
+        return (None,) * problem.joints, f"what is left {what}"
     cuts = [int(LEARNED * len(log)) for log in logs]
     learned, judged = (
         stack(problem.kernel, [log.slice(*ends(cut, len(log))) for log, cut in zip(logs, cuts, strict=True)], group,

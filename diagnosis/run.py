@@ -318,8 +318,7 @@ def compared(
     joint = solved.joints[j]
     rows_ = []
     if solved.compensators[j] is None:
-        noise = "what is left is noise" if solved.verdict != "unknown" else "what is left follows no signal of the logs"
-        reason = solved.no_compensator or noise
+        reason = solved.no_compensator or "what is left of this joint follows no signal of the logs"
         rows_.append(LedgerRow(joint, "+ compensator", "compensator", None, None, None, note=reason))
     gravity = solved.structures[j].gravity == "constant"
     scale = (own_gap.before, own_gap.noise_floor)

@@ -73,10 +73,12 @@ def test_parameters_behind_impacts_are_less_certain_than_noise_alone_would_leave
     play: tuple[Problem, Fitted, Remainder],
 ) -> None:
     _, fitted, left = play
-    place = [f.name for f in fitted.point.free].index("backlash.frequency@0")
-    told = np.sqrt(covariance(fitted, left.deviations)[place, place])
-    assert told > 1.5 * np.sqrt(covariance(fitted)[place, place])
-    assert told == pytest.approx(left.deviations["backlash.frequency@0"])
+    own, told = (np.sqrt(np.diag(spread)) for spread in (covariance(fitted), covariance(fitted, left.deviations)))
+    names = [f.name for f in fitted.point.free]
+    places = [i for i, name in enumerate(names) if name.startswith("backlash.")]
+    widest = max(places, key=lambda i: told[i] / own[i])  # which one it is, rounding decides
+    assert told[widest] > 1.5 * own[widest]
+    assert told[widest] == pytest.approx(left.deviations[names[widest]])
 
 
 def test_that_no_model_can_follow_is_said(play: tuple[Problem, Fitted, Remainder]) -> None:
@@ -96,10 +98,15 @@ def without_its_cable(stiffness: float) -> Remainder:
     return remainder(problem, fitted_with(problem, PLAY), 0)
 
 
+def shows(left: Remainder) -> bool:
+    """Whether something is missing: in the motion or, where the fit stops short, as a torque as no amplifier has."""
+    return left.excess > 5.0 * left.scattered or left.disturbance_share > 2.0 * Settings().disturbance
+
+
 @pytest.mark.parametrize("stiffness", [0.25, 0.35])
-def test_a_missing_effect_is_no_noise(stiffness: float) -> None:
-    left = without_its_cable(stiffness)
-    assert left.excess > 5.0 * left.scattered
+def test_a_missing_effect_is_no_noise(stiffness: float, play: tuple[Problem, Fitted, Remainder]) -> None:
+    assert shows(without_its_cable(stiffness))
+    assert not shows(play[2])
 
 
 def test_where_a_fit_stops_short_a_missing_effect_is_a_torque_as_no_amplifier_has(

@@ -10,7 +10,7 @@ import numpy as np
 
 from envs.log import JointFacts, Log, LogError
 from envs.log_statistics import quantisation_step
-from envs.plausibility import moved, works_backwards
+from envs.plausibility import Rough, moved, works_backwards
 from envs.robot import Robot
 from envs.validation import Finding, command_column
 
@@ -105,13 +105,14 @@ def inertia_findings(log: Log, robot: Robot) -> Iterator[Finding]:
     known = lone_inertia(log)
     if known is None:
         return
-    joint, inertia, _ = known
+    joint, physics = known
     at = np.array([0.5 * (item.lower.value + item.upper.value) for item in robot.joints])
     at[~np.isfinite(at)] = 0.0
     for column, number in enumerate(log.joints):
         at[number - 1] = float(np.mean(log.position[:, column]))
     described = float(robot.inertia_matrix(at)[joint - 1, joint - 1]) * robot.input_equivalent(joint)
-    ratio = inertia / described
+    assert physics.inertia is not None
+    ratio = physics.inertia / described
     if not 1.0 / OTHER_INERTIA < ratio < OTHER_INERTIA:
         yield Finding(
             "other_inertia",
@@ -120,15 +121,15 @@ def inertia_findings(log: Log, robot: Robot) -> Iterator[Finding]:
         )
 
 
-def lone_inertia(log: Log) -> tuple[int, float, float] | None:
-    """(joint, inertia in units of its command, share explained) of a recording of one joint, where it can be told."""
+def lone_inertia(log: Log) -> tuple[int, Rough] | None:
+    """The joint and its rough physics of a recording of one joint, where its inertia can be told."""
     found = moved(log)
     if len(found) != 1 or np.sum(np.ptp(log.position, axis=0) > 0.0) != 1:
         return None
     ((joint, physics),) = found.items()
     if physics.inertia is None or physics.inertia <= 0.0 or physics.explained < EXPLAINED or physics.own_share < OWN:
         return None
-    return joint, physics.inertia, physics.explained
+    return joint, physics
 
 
 def check_signs(log: Log) -> None:
@@ -170,21 +171,40 @@ def check_together(logs: Sequence[Log]) -> tuple[Finding, ...]:
 
 
 def machine_findings(logs: Sequence[Log]) -> Iterator[Finding]:
-    """Whether all logs move the same inertia. Raises LogError when it differs as that of one machine never does."""
+    """Whether all logs move the same inertia.
+
+    Raises LogError when it differs as that of one machine never does, and no inertia between the two explains both: in
+    a slow recording, what else grows with the acceleration may pass for a multiple of a small inertia.
+    """
     known = [(log, item) for log in logs if (item := lone_inertia(log)) is not None]
-    for log, (joint, inertia, explained) in known[1:]:
-        other, (same, reference, of_other) = known[0]
-        ratio = max(inertia / reference, reference / inertia)
-        if joint != same or ratio < OTHER_MACHINE:
+    for log, (joint, physics) in known[1:]:
+        other, (same, reference) = known[0]
+        assert physics.inertia is not None
+        assert reference.inertia is not None
+        factor = physics.inertia / reference.inertia
+        if joint != same or 1.0 / OTHER_MACHINE < factor < OTHER_MACHINE:
             continue
-        said = f"joint {joint} of {log.name} moves {inertia / reference:.2g} times the inertia of that of {other.name}"
-        if ratio >= REFUSED_MACHINE and min(explained, of_other) > SURE:
+        said = f"joint {joint} of {log.name} moves {factor:.2g} times the inertia of that of {other.name}"
+        sure = min(physics.explained, reference.explained) > SURE
+        if max(factor, 1.0 / factor) >= REFUSED_MACHINE and sure and explained_by_one(physics, reference) < EXPLAINED:
             raise LogError(
                 f"{said}: these are recordings of different machines, or in different units",
                 remedy="Give logs of one machine in the same units",
                 source=log.source or log.name,
             )
         yield Finding("different_machine", f"{said}: are they recordings of one machine?")
+
+
+def explained_by_one(first: Rough, second: Rough) -> float:
+    """Share of the command's variance that the same inertia in two recordings explains, in that of them which it fits
+    less well.
+
+    Away from the best inertia of one recording, the unexplained share grows by own_share (inertia / best - 1)^2.
+    """
+    best, own = (np.array([getattr(item, name) for item in (first, second)]) for name in ("inertia", "own_share"))
+    common = np.sum(own / best) / np.sum(own / best**2)
+    explained = np.array([first.explained, second.explained]) - own * (common / best - 1.0) ** 2
+    return float(np.min(explained))
 
 
 def difference_findings(first: Log, log: Log) -> Iterator[Finding]:

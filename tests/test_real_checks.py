@@ -104,6 +104,30 @@ def test_a_slow_recording_is_no_other_machine() -> None:
         check_together([fast, moving(10.0, 0.3, "other")])
 
 
+def test_a_saturated_command_is_no_other_machine() -> None:
+    """Half of a large command that the amplifier clips softly looks like twice the inertia."""
+    time = np.asarray(STEP * np.arange(10000), dtype=np.float64)
+
+    def clipped(command: np.ndarray, name: str, inertia: float = 0.002) -> Log:
+        position, x, v = np.zeros(len(time)), 0.0, 0.0
+        for k, u in enumerate(command):
+            position[k] = x
+            v += STEP * (0.1 * np.tanh(u / 0.1) - 0.05 * v) / inertia
+            x += STEP * v
+        facts = (JointFacts(encoder_step=1e-6),)
+        return Log(time, command[:, None], position[:, None], name=name, source=name, facts=facts)
+
+    sweep = clipped(0.05 * np.sin(2.0 * np.pi * (0.1 * time + 0.1 * time**2)), "sweep")
+    pulses = np.sign(np.sin(10.7 * time) + np.sin(18.2 * time + 1.0))
+    large = clipped(pulses, "pulses")
+    physics = [rough(log, 1) for log in (sweep, large)]
+    assert all(item is not None and item.explained > 0.9 for item in physics)
+    (said,) = check_together([sweep, large])
+    assert said.kind == "different_machine"
+    with pytest.raises(LogError, match="different machines"):
+        check_together([sweep, clipped(0.1 * pulses, "other", inertia=0.03)])
+
+
 def test_a_load_that_is_lowered_is_not_a_wrong_sign() -> None:
     """A motor that only brakes a weight takes energy out of the joint, and rightly so."""
     time = np.asarray(STEP * np.arange(2000), dtype=np.float64)

@@ -250,7 +250,7 @@ def _find(
         longer = search.concluded(search.grown(path), held_out)
         if longer.verdict != "unknown":
             return quiet(problem, longer, effects, settings)
-    if whole.accepted and does_better(narrow, held_out, whole, banded):
+    if whole.accepted and does_better(narrow, held_out, whole, banded, settings.threshold):
         return whole
     return replace(
         banded, verdict="unknown", remainders=whole.remainders, band=0.4 / (narrow.decimation * problem.sample_time)
@@ -283,15 +283,15 @@ def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
     return Path(base, accepted, present, (search.nominal, base))
 
 
-def does_better(narrow: Problem, held_out: Problem | None, whole: Finding, banded: Finding) -> bool:
+def does_better(narrow: Problem, held_out: Problem | None, whole: Finding, banded: Finding, threshold: float) -> bool:
     """Whether what the whole band has found does better in the band of the motion, too: on the fitted logs, where it
-    may have more effects, and on those that nobody fitted."""
+    may have more effects, and by the evidence that an effect needs on those that nobody fitted."""
     fitted = in_turns(narrow, fit(narrow, whole.final.point))
     better = cost(narrow, fitted, whole.accepted) < cost(narrow, banded.final, banded.accepted)
     if not better or held_out is None:
         return better
     apart = replace(held_out, decimation=narrow.decimation)
-    return deviance(apart, fitted) < deviance(apart, banded.final)
+    return deviance(apart, fitted) < deviance(apart, banded.final) - threshold
 
 
 def cost(problem: Problem, fitted: Fitted, accepted: Sequence[Accepted]) -> float:

@@ -91,7 +91,8 @@ class Settings:
     rival: evidence within which two explanations cannot be told apart. limit: largest number of effects per joint; more
     would be patchwork around something unknown. banded: the same in the band of the motion, where the whole band has
     left something unexplained.
-    minor: share of all that was explained below which a further effect is taken for an inexact law of another.
+    minor: share of all that was explained below which a further effect, or a drift of a parameter that is not
+    `relevant` either, is taken for an inexact law of another.
     doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`.
     disturbance: unlogged torque, as a share of the motor torque, that does so too, unless it
     stays below `amplifier` times the largest command: amplifiers are that noisy. jitter: least jitter of the sampling
@@ -1107,7 +1108,8 @@ def unexplained(problem: Problem, explained: float, left: Sequence[Remainder], s
     for r, limit in zip(left, problem.command_limits or (0.0,) * len(left), strict=True):
         if r.disturbance_share > settings.disturbance and r.disturbance > settings.amplifier * limit:
             return True
-    return any(drift.is_certain for r in left for drift in r.drifts)
+    drifts = [drift for r in left for drift in r.drifts if drift.is_certain]
+    return any(drift.decrease > settings.minor * explained or drift.share > settings.relevant for drift in drifts)
 
 
 def verdict(

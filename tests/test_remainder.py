@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diagnosis.engine import Settings
+from diagnosis.engine import Settings, unexplained
 from diagnosis.estimation import Fitted, covariance, fit, predicted_motion
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, fit_nominal
@@ -31,15 +31,18 @@ COGGING = {"cogging_torque": {"sine": 0.1, "cosine": 0.0, "cycles_per_rev": 40.0
 STEP, NOISE = 1e-5, 0.005
 
 
-def problem_of(effects: dict[str, dict[str, float]]) -> Problem:
-    """A joint under sines and the slow noise of its amplifier (5 mV rms, 20 ms), which no log shows."""
+def problem_of(effects: dict[str, dict[str, float]], drift: float = 0.0) -> Problem:
+    """A joint under sines and the slow noise of its amplifier (5 mV rms, 20 ms), which no log shows.
+
+    drift: share by which the amplifier's gain falls from the beginning to the end."""
     rng = np.random.default_rng(3)
     time, hertz = 1e-3 * np.arange(20_000), np.array([0.3, 0.7, 1.3, 2.9, 5.3])
     command = np.sum(0.8 * np.sin(2 * np.pi * np.outer(time, hertz) + np.arange(5)), axis=1)[:, None]
     decay = np.exp(-1e-3 / 0.02)
     slow = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], rng.standard_normal(len(time)))
     model = StructuredModel((StructuredJoint(1, "voltage", JOINT, effects),), 1e-3, None, EFFECTS)
-    position = model.simulate(time, command + NOISE * slow[:, None], State.at_rest(0.0)).position
+    gain = (1.0 + 0.5 * drift * np.cos(np.pi * time / time[-1]))[:, None]
+    position = model.simulate(time, gain * command + NOISE * slow[:, None], State.at_rest(0.0)).position
     facts = JointFacts(input="voltage", position_unit="rad", encoder_step=STEP)
     return stack(KERNEL, [Log(time, command, STEP * np.round(position / STEP), (1,), facts=(facts,))], (1,))
 
@@ -137,3 +140,17 @@ def test_spectrum_of_the_unlogged_torque_has_its_rms() -> None:
     frequency, power, band = torque_spectrum(problem, fitted, 0, predicted_motion(problem, fitted.point)[:, 0])
     density = NOISE**2 * 2.0 * 0.02 / (1.0 + (2 * np.pi * frequency * 0.02) ** 2) / 1e-3  # per sample, as `power` is
     assert np.sqrt(np.mean(power[band])) == pytest.approx(np.sqrt(np.mean(density[band])), rel=0.3)
+
+
+@pytest.mark.parametrize(("friction", "drift", "missing"), [(0.4, 0.006, False), (0.4, 0.03, True), (0.01, 0.01, True)])
+def test_a_drift_too_small_for_an_effect_of_its_own_is_nothing_unknown(
+    friction: float, drift: float, missing: bool
+) -> None:
+    """Beside an effect that explains much more, it may be the inexact law of that; beside none it is missing."""
+    effects = {"coulomb_friction": {"torque": friction}}
+    problem = problem_of(effects, drift)
+    nominal, fitted = fit_nominal(problem, (JointStructure(),)), fitted_with(problem, effects)
+    left = remainder(problem, fitted, 0)
+    explained = nominal.criterion - fitted.criterion
+    assert any(item.is_certain for item in left.drifts)
+    assert unexplained(problem, explained, (left,), Settings()) == missing

@@ -86,7 +86,7 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
         law, after = transformed(own, seconds), transformed(final.error, seconds)
         if np.std(after[problem.used]) < 0.3 * np.std(law[problem.used]):
             break
-    laws = [(item.name, law), *((s.name, transformed(share(s.fitted, s.name), seconds)) for s in rivals)]
+    laws = [(item.label, law), *((s.label, transformed(share(s.fitted, s.name), seconds)) for s in rivals)]
     name = "velocity" if effect.variable == "direction" else effect.variable
     x, unit = _signal(problem, final.point, joint, name, units)
     frame = PartialResidual(

@@ -173,8 +173,8 @@ def check_together(logs: Sequence[Log]) -> tuple[Finding, ...]:
 def machine_findings(logs: Sequence[Log]) -> Iterator[Finding]:
     """Whether all logs move the same inertia.
 
-    Raises LogError when it differs as that of one machine never does, and no inertia between the two explains both: in
-    a slow recording, what else grows with the acceleration may pass for a multiple of a small inertia.
+    Raises LogError when it differs as that of one machine never does, and no inertia between the two explains both: an
+    amplifier that clips a large command softly makes it look like a multiple of the inertia.
     """
     known = [(log, item) for log in logs if (item := lone_inertia(log)) is not None]
     for log, (joint, physics) in known[1:]:

@@ -595,13 +595,19 @@ def settled_anew(
     problem: Problem, structures: tuple[JointStructure, ...], base: Fitted, ranked: list[Scored]
 ) -> list[Scored]:
     """The hypotheses, those of different laws that compete for the first place with what the base may have settled
-    wrongly without them: whether a stated torque limit acts, and when commands do."""
+    wrongly without them: whether a stated torque limit acts, and when commands do.
+
+    A law that does no better than one that it contains has nothing to gain from it that this one has not.
+    """
     leading = {(s.label, s.start.hypothesis.joint): s for s in sorted(ranked, key=lambda s: s.evidence)}
     best = max((s.evidence for s in ranked), default=0.0)
+    alone = {(s.name, s.start.hypothesis.joint): s.evidence for s in ranked}
 
     def competes(scored: Scored, share: float) -> bool:
         place = scored.label, scored.start.hypothesis.joint
-        return scored is leading[place] and scored.evidence > max(share * best, 0.0)
+        ahead = scored is leading[place] and scored.evidence > max(share * best, 0.0)
+        inner = ((name, scored.start.hypothesis.joint) for name in scored.effect.includes)
+        return ahead and not any(alone[own] >= scored.evidence for own in inner if own in alone)
 
     def anew(scored: Scored) -> Scored:
         fitted = scored.fitted

@@ -8,11 +8,12 @@ samples, and so do those that count time or remember what went before.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point, errors, finish, plain, predicted_motion
+from diagnosis.estimation import Fitted, Point, errors, finish, plain, predicted_motion, sensitivities
 from diagnosis.problem import Free, Problem
 from diagnosis.regression import View
 from diagnosis.whitening import filterable
@@ -44,6 +45,12 @@ class Glance:
     logs: np.ndarray
     share: float
     known: tuple[float, ...]
+
+    @cached_property
+    def slopes(self) -> Array:
+        """Sensitivities (K, T, n) of the model's parameters on the part, those of all its views."""
+        fitted = self.views[0].fitted
+        return sensitivities(self.problem, fitted.point, fitted.error)
 
     def is_enough(self, promise: float) -> bool:
         """Whether the best promise, for all samples, is strong enough on the part."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.fft import next_fast_len
 
 from diagnosis.estimation import Fitted, Point
 from diagnosis.problem import Problem
-from diagnosis.projection import project
+from diagnosis.projection import solve
 from diagnosis.whitening import Absorption, absorption
 from envs.log import Array
 
@@ -50,6 +51,11 @@ class View:
         share = len(residual) / len(noise)
         return replace(plain, taken=taken, residual=residual, jacobian=jacobian, certainty=share * certainty)
 
+    @cached_property
+    def gram(self) -> Array:
+        """Products (P, P) of the sensitivities of the fit's own parameters."""
+        return self.jacobian @ self.jacobian.T
+
     def sensitivities(self, difference: Array) -> Array:
         """Differences of errors (A, T, n) as rows of the regression."""
         rows = self.fitted.whitener(difference) * self.noise
@@ -60,7 +66,10 @@ class View:
         of changed residuals (n R,), and what is left."""
         unknown = np.zeros(len(sensitivity))
         certainty, expected = (np.concatenate([own, unknown]) for own in (self.certainty, self.expected))
-        change = project(np.vstack([self.jacobian, sensitivity]), -changed, certainty, expected)[0]
+        across = self.jacobian @ sensitivity.T
+        gram = np.block([[self.gram, across], [across.T, sensitivity @ sensitivity.T]])
+        right = np.concatenate([self.jacobian @ changed, sensitivity @ changed])
+        change = solve(gram, -right, certainty, expected)[0]
         shift, own = np.split(change, [len(self.jacobian)])
         return shift, own, changed + shift @ self.jacobian + own @ sensitivity
 

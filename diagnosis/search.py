@@ -9,35 +9,26 @@ from typing import TypeVar
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
+from diagnosis.first_fits import first_fits, further, retimed
 from diagnosis.glance import glance
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.problem import Problem
 from diagnosis.regression import View
-from diagnosis.whitening import unfiltered, whitener
+from diagnosis.whitening import unfiltered
 from envs.log import Array
 from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL
 from methods.parallel import each
 
 INERTIA, VISCOUS, BACK_EMF = (NOMINAL.index(name) for name in ("inertia", "viscous", "back_emf"))
-CARRIED = 2
-"""Fits to the unfiltered errors that are carried on to the filtered ones; twice as many converge before."""
 LEAST = 3
 """Hypotheses that are fitted in any case."""
-SHARES = (1.0, 0.5, 0.25, 0.125)
-"""Shares of what a regression says of a hypothesis, of which the one that comes closest is fitted further."""
-ALIKE = 1.1
-"""Squares that another share may leave, over those of the best one, to be fitted as well."""
 NEARLY = 0.5
 """Share of its price that a hypothesis has to promise to be fitted."""
 FAR = 0.02
 """Share of the best promise below which a hypothesis is not fitted."""
 HOPE = 0.5
 """Share of its promise that a first fit is given credit for; far from the optimum it may have stopped short."""
-MOVES = 6
-"""Moves of an event's instant, each by up to 256 samples."""
-WORTH = 0.3
-"""Least share of the best first fit's decrease for that."""
 CHANCE = 0.2
 """Share of the best first fit's decrease below which a hypothesis is not carried on."""
 FORM = 0.9
@@ -130,15 +121,14 @@ def try_all(
     look = glance(problem, base)
     lists = proposals(problem, views, plainly, sizes, look)
     if look is not None and not look.is_enough(max([needed, *(start.promise for start in lists[0])])):
-        lists = proposals(problem, views, plainly, sizes)
+        look, lists = None, proposals(problem, views, plainly, sizes)
     own, bare = (
         first(worth_fitting(problem, starts, base.samples, needed, least), refine, law)
         for starts, least in zip((simplest(lists[0]), hidden(*lists)), (LEAST, 0), strict=True)
     )
     known = sensitivities(problem, base.point, base.error)
-    fits = each(lambda start: roughly(problem, base, start, known), own)
-    rough = [(start, fitted) for start, found in zip(own, fits, strict=True) for fitted in found]
-    rough += further(problem, bare_base, bare, known)
+    rough = first_fits(problem, base, own, known, look)
+    rough += further(problem, bare_base, bare, known, look)
     either = {s.hypothesis.key: s for s in [*bare, *own]}.values()
     other = [(start, p, 3) for start in either for p in exchanged(problem, base.point, start)]
     forms = each(lambda item: generalised(problem, views[0], *item, sizes[item[1]]), general)
@@ -205,76 +195,6 @@ def hidden(filtered: Sequence[Start], bare: Sequence[Start]) -> list[Start]:
     for start in filtered:
         promised[place(start)] = max(start.promise, promised.get(place(start), 0.0))
     return simplest([start for start in bare if start.promise > promised.get(place(start), 0.0)])
-
-
-def roughly(problem: Problem, view: Fitted, start: Start, known: Array, *, renewed: bool = True) -> list[Fitted]:
-    """First fits of a hypothesis from each of its starting values; the sensitivities (K, T, n) of the view stay.
-
-    The filter is the fit's own if `renewed`, else the view's.
-    """
-    others = [extend(problem, view.point, start.hypothesis, values) for values in start.others]
-    points = [*nearest(problem, view, start, renewed=renewed), *others]
-    return [
-        fit(
-            problem,
-            p,
-            None if renewed else view.whitener,
-            rounds=1,
-            iterations=3,
-            tolerance=1e-3,
-            known=known,
-            renewed=renewed,
-        )
-        for p in points
-    ]
-
-
-def nearest(problem: Problem, view: Fitted, start: Start, *, renewed: bool) -> list[Point]:
-    """First points of a hypothesis: as much of what the regression says as comes closest, and another share of it that
-    comes nearly as close.
-
-    A law of the command may be far from what it promises in first order: a dead zone that is wider than all commands of
-    a log does nothing more, and no way leads back. The other parameters are moved along, or stay.
-    """
-    effect, shift = start.hypothesis.effect, start.shift
-    amplitudes = list(effect.amplitudes)
-    tried: list[tuple[float, Point]] = []
-    for share in SHARES if effect.slot == "command" else SHARES[:1]:
-        values = start.values.copy()
-        values[:, amplitudes] *= share
-        tried.append((share, extend(problem, view.point, start.hypothesis, values)))
-        if shift is not None:
-            moved = view.point.within(view.point.vector + share * shift)
-            tried.append((share, extend(problem, moved, start.hypothesis, values)))
-    if len(tried) == 1:
-        return [tried[0][1]]
-    outcomes = errors(problem, [point for _, point in tried])
-    filters = [whitener(problem, e) if renewed else view.whitener for e in outcomes]
-    left = [float(np.sum(own(e) ** 2)) for own, e in zip(filters, outcomes, strict=True)]
-    ranked = sorted(zip(left, tried, strict=True), key=lambda option: option[0])
-    least, (best, first) = ranked[0]
-    close = [point for value, (share, point) in ranked if share != best and value < ALIKE * least]
-    return [first, *close[:1]]
-
-
-def further(problem: Problem, view: Fitted, starts: Sequence[Start], known: Array) -> list[tuple[Start, Fitted]]:
-    """Fits to the errors as they are, the best of them carried on with a filter of their own."""
-    fits = each(lambda start: roughly(problem, view, start, known, renewed=False), starts)
-    found = [(start, fitted) for start, several in zip(starts, fits, strict=True) for fitted in several]
-    found.sort(key=lambda item: item[1].criterion)
-    limit = view.criterion - WORTH * (view.criterion - found[0][1].criterion) if found else 0.0
-
-    def converged(item: tuple[Start, Fitted]) -> tuple[Start, Fitted]:
-        start, fitted = item
-        return start, fit(problem, fitted.point, view.whitener, rounds=1, iterations=6, renewed=False)
-
-    def filtered(item: tuple[Start, Fitted]) -> tuple[Start, Fitted]:
-        start, fitted = item
-        return start, retimed(problem, fit(problem, fitted.point, rounds=1, iterations=4), start.hypothesis)
-
-    best = each(converged, [item for item in found[: 2 * CARRIED] if item[1].criterion < limit])
-    best.sort(key=lambda item: item[1].criterion)
-    return each(filtered, best[:CARRIED])
 
 
 def _converged(
@@ -514,27 +434,6 @@ def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12)
     if fitted.criterion > scored.fitted.criterion:
         return scored
     return scored.refitted(base, fitted)
-
-
-def retimed(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
-    """The fit with the instant of an event moved to where the innovations are smallest: there are many optima, and a
-    derivative leads to the next one only. What is no event stays as it is."""
-    effect, j = hypothesis.effect, hypothesis.joint
-    if effect.scan != "event":
-        return fitted
-    column = problem.kernel.column(effect, "time")
-    for _ in range(MOVES):
-        points = []
-        for samples in (0, *(sign * 2**k for k in range(9) for sign in (1, -1))):
-            parameters = fitted.point.parameters.copy()
-            parameters[:, j, column] += samples * problem.sample_time
-            points.append(replace(fitted.point, parameters=parameters))
-        sums = [float(np.sum(fitted.whitener(e) ** 2)) for e in errors(problem, points)]
-        best = int(np.argmin(sums))
-        if best == 0:
-            break
-        fitted = fit(problem, points[best], fitted.whitener, rounds=1, iterations=4)
-    return fitted
 
 
 def _with_reference(problem: Problem, base: Fitted) -> Fitted:

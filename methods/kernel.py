@@ -87,7 +87,7 @@ LANE_ROWS = (
     *("DQS", "DDQ", "DW", "DHEAT", "DQLS", "DDQL"),
     *(f"FIRST_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
     *(f"SUM_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
-    *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING", "HALF", "CONSTANT"),
+    *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING", "HALF", "CONSTANT", "LATE"),
     *("ERROR", "OUTER", "RESIST", "PLACE", "ARM", "WEIGHT", "MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
     *("COMMAND", "READING", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN", "FIRST_INERTIA", "CROSS", "SECOND_INERTIA"),
@@ -410,8 +410,8 @@ def _reading(q, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _held(cumulative, u, hold, s):
-    """Integral of the held command over samples, from 0 to s (in samples)."""
+def _held(cumulative, u, s):
+    """Integral of the command over samples, from 0 to s (in samples), between which it follows straight lines."""
     last = u.shape[0] - 1
     if s <= 0.0:
         return u[0] * s
@@ -419,35 +419,32 @@ def _held(cumulative, u, hold, s):
     if k >= last:
         return cumulative[last] + u[last] * (s - last)
     f = s - k
-    if hold == 0:
-        return cumulative[k] + u[k] * f
     return cumulative[k] + u[k] * f + 0.5 * (u[k + 1] - u[k]) * f * f
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _value(u, hold, s):
-    """The held command s samples after the first one."""
+def _value(u, s):
+    """The command s samples after the first one, along straight lines."""
     k = min(max(int(math.floor(s)), 0), u.shape[0] - 1)
-    if hold == 0 or s <= 0.0 or k + 1 >= u.shape[0]:
+    if s <= 0.0 or k + 1 >= u.shape[0]:
         return u[k]
     return u[k] + (u[k + 1] - u[k]) * (s - k)
 
 
 @njit(cache=True, error_model='numpy')
-def _rise(u, hold, a, b):
-    """Rise over [a, b] (in samples, at most one long) of the straight line with the mean and the first moment of the
-    held command: ``12 / (b - a)^2 int u (x - (a + b) / 2) dx``."""
+def _rise(u, a, b):
+    """Rise over [a, b] (in samples, at most one long) of the straight line with the mean and the first moment of a
+    command that follows straight lines itself: ``12 / (b - a)^2 int u (x - (a + b) / 2) dx``."""
     length, inner = b - a, math.floor(a) + 1.0
     if inner >= b:
-        return _value(u, hold, b) - _value(u, hold, a) if hold != 0 else 0.0
+        return _value(u, b) - _value(u, a)
     centre, moment = 0.5 * (a + b), 0.0
     for piece in range(2):
         lo, hi = (a, inner) if piece == 0 else (inner, b)
         part, middle = hi - lo, 0.5 * (lo + hi)
-        moment += _value(u, hold, middle) * part * (middle - centre)
-        if hold != 0:
-            near = 1e-9 * part  # a corner belongs to both of its sides
-            moment += (_value(u, hold, hi - near) - _value(u, hold, lo + near)) * part * part / 12.0
+        near = 1e-9 * part  # a corner belongs to both of its sides
+        moment += _value(u, middle) * part * (middle - centre)
+        moment += (_value(u, hi - near) - _value(u, lo + near)) * part * part / 12.0
     return 12.0 * moment / (length * length)
 
 
@@ -704,14 +701,12 @@ def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extr
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _shift(dt, p, on):
-    """By how many samples of dt the command is late; a lag below zero stands for a delay."""
-    shift = p[TIMING] / dt
-    if p[ELECTRICAL] < 0.0:
-        shift -= p[ELECTRICAL] / dt
+def _lateness(p, on):
+    """By how much the command is late [s]; a lag below zero stands for a delay."""
+    late = p[TIMING] - min(p[ELECTRICAL], 0.0)
     if DELAY >= 0 and on[DELAY]:
-        shift += p[DELAY_P] / dt
-    return shift
+        late += p[DELAY_P]
+    return late
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -722,7 +717,15 @@ def _amplifier(k, i, substeps, shift, hold, u, cumulative):
         return u[k], 0.0
     a = k + i / substeps - shift
     b = a + 1.0 / substeps
-    return (_held(cumulative, u, hold, b) - _held(cumulative, u, hold, a)) * substeps, _rise(u, hold, a, b)
+    if hold == 0:  # two steps of the command at most, the second one over a share of the interval
+        place, last = math.floor(a), u.shape[0] - 1
+        first = u[min(max(int(place), 0), last)]
+        share = (b - (place + 1.0)) * substeps
+        if share <= 0.0:
+            return first, 0.0
+        jump = u[min(max(int(place) + 1, 0), last)] - first
+        return first + share * jump, 6.0 * share * (1.0 - share) * jump
+    return (_held(cumulative, u, b) - _held(cumulative, u, a)) * substeps, _rise(u, a, b)
 
 
 @njit(cache=True, error_model='numpy')
@@ -794,7 +797,7 @@ def _low_pass(v, rise, state, h, time_constant):
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _driven(k, i, substeps, dt, now, h, hold, u, cumulative, q, dq, w, lag, p, on, commands, euler):
     """Command behind the amplifier over substep i of sample k: mean, rise, and state of the low-pass at the end."""
-    v, rise = _amplifier(k, i, substeps, _shift(dt, p, on), hold, u, cumulative)
+    v, rise = _amplifier(k, i, substeps, _lateness(p, on) / dt, hold, u, cumulative)
     return _through(v, rise, now, h, q, dq, w, lag, p, on, commands, euler)
 
 
@@ -927,6 +930,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                 for i in range(3, x.shape[2]):
                     extra[j] += P[j, ARM + i - 3] * x[k, j, i]
         h = dt / substeps
+        per_step = 1.0 / h
         for i in range(substeps):
             now = t[k] - t0 + i * h
             for j in range(n):
@@ -948,7 +952,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                 while stage < 4:  # the stages of the Runge-Kutta step, one after the other in the same machine code
                     ahead = 0.0 if stage == 0 else (0.5 * span if stage < 3 else span)
                     for j in range(n):
-                        volts[j] = c[j] + rises[j] * ((h - left + ahead) / h - 0.5)
+                        volts[j] = c[j] + rises[j] * ((h - left + ahead) * per_step - 0.5)
                         for m in range(7):
                             B[j, m] = S[j, m] + ahead * D[j, m] if stage else S[j, m]
                     _rates(at + ahead, B, D, volts, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level,
@@ -1049,6 +1053,7 @@ def _begin_lanes(starts, u, P, on, h, S, p, has, parted):
         S[MOBILITY_ + l] = p[l, MOBILITY]
         S[VISCOUS_ + l], S[EMF_ + l] = p[l, VISCOUS], p[l, BACK_EMF]
         S[ELECTRICAL_ + l] = p[l, ELECTRICAL_RATE]
+        S[LATE_ + l] = _lateness(p[l], on[l])
         S[LIMIT_ + l] = p[l, LIMIT] if p[l, LIMIT] > 0.0 else np.inf
         if _flexible(on[l]):
             first = FLEX_LOAD_P if FLEX_LOAD >= 0 and on[l, FLEX_LOAD] else FLEX_P
@@ -1321,14 +1326,15 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
     has = (slots[0], slots[1], slots[2], slots[3])
     split, warm, hanging = _flexible(any_on) or _playing(any_on), _warming(any_on), False
     senses, weighs = _load_side(any_on) or _sensing(any_on), LIGHT if _weighing(any_on) else 0
-    direct = hold[0] == 0 and not (has[0] or (LAG >= 0 and any_on[LAG]) or (DELAY >= 0 and any_on[DELAY]))
+    altered = has[0] or (LAG >= 0 and any_on[LAG])  # on its way through the amplifier, but for a delay
+    direct = hold[0] == 0 and not altered
     lagging, limited = 0, False
     for l in range(n):
         if p[l, GRAVITY_SINE] != 0.0 or p[l, GRAVITY_COSINE] != 0.0:
             weighs, hanging = HEAVY, True
         elif p[l, LOAD] != 0.0:
             weighs = max(weighs, LIGHT)
-        direct = direct and p[l, TIMING] == 0.0 and not p[l, ELECTRICAL] < 0.0
+        direct = direct and S[LATE_ + l] == 0.0
         lagging += p[l, ELECTRICAL] > 0.0
         limited = limited or p[l, LIMIT] > 0.0
     motor, rippled = OTHER, RIPPLE >= 0 and all_on[RIPPLE]
@@ -1403,6 +1409,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                         outer += p[l, ARM + i - 3] * x[k, i]
                     S[OUTER_ + l] = outer
         h = dt / substeps
+        per_step = 1.0 / h
         for i in range(substeps):
             now = t[k] - t0 + i * h
             if GRASP >= 0 and any_on[GRASP]:
@@ -1413,16 +1420,20 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                     S[U_ + l] = S[COMMAND_ + l]
             else:
                 for l in range(n):
-                    shift = _shift(dt, p[l], on[l])
-                    if l == 0 or shift != late or (rigid is not None and l == HALF):
-                        late = shift
+                    if l == 0 or S[LATE_ + l] != late or (rigid is not None and l == HALF):
+                        late = S[LATE_ + l]
                         if rigid is not None and l >= HALF:
-                            mean, rise = _amplifier(k, i, substeps, shift, hold[1], u_other, cumulative_other)
+                            mean, rise = _amplifier(k, i, substeps, late / dt, hold[1], u_other, cumulative_other)
                         else:
-                            mean, rise = _amplifier(k, i, substeps, shift, hold[0], u_one, cumulative_one)
+                            mean, rise = _amplifier(k, i, substeps, late / dt, hold[0], u_one, cumulative_one)
+                    S[MEAN_ + l], S[RISE_ + l] = mean, 0.0 if euler and not altered else rise
+                for l in range(n if altered else 0):
+                    if not (own[l, 0] or (LAG >= 0 and on[l, LAG])):
+                        S[RISE_ + l] = 0.0 if euler else S[RISE_ + l]
+                        continue
                     S[MEAN_ + l], S[RISE_ + l], S[LAG_ + l] = _through(
-                        mean, rise, now, h, S[Q_ + l], S[DQ_ + l], S[W_ + l], S[LAG_ + l], p[l], on[l], own[l, 0],
-                        euler)
+                        S[MEAN_ + l], S[RISE_ + l], now, h, S[Q_ + l], S[DQ_ + l], S[W_ + l], S[LAG_ + l], p[l], on[l],
+                        own[l, 0], euler)
             _copied(S, RESIST_, OUTER_, 1)
             if _bristled(any_on):
                 for l in range(n):
@@ -1460,7 +1471,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                             S[HEATS_ + l] = S[HEAT_ + l] + S[AHEAD_ + l] * S[DHEAT_ + l]
                     if not direct:
                         for l in range(LANES):
-                            place = (h - S[LEFT_ + l] + S[AHEAD_ + l]) / h - 0.5
+                            place = (h - S[LEFT_ + l] + S[AHEAD_ + l]) * per_step - 0.5
                             S[U_ + l] = S[MEAN_ + l] + S[RISE_ + l] * place
                     _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, weighs, motor, rippled,
                                  limited, ends, rigid, hanging)
@@ -1576,7 +1587,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
 @njit(cache=True, error_model='numpy', nogil=True)
 def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out,
               motion, log, first, last):
-    """Candidates first to last of a single joint on one log, in lanes as far as they take the same steps.
+    """Candidates first to last of a single joint on one log, in lanes as far as they take the same steps and have the
+    same transmission: a mixture of these would be simulated one by one.
 
     Shapes as those of `batch`; motion (C, T, 3) or empty.
     """
@@ -1589,6 +1601,7 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
         b = a + 1
         while (
             b < last and b < a + LANES and (P[b, log, 0, STEPPING] > 0.0) == stepping
+            and _flexible(on[b, 0]) == _flexible(on[a, 0]) and _playing(on[b, 0]) == _playing(on[a, 0])
             and _steps(P[b : b + 1, log, 0], on[b : b + 1, 0], dt, substeps) == steps
         ):
             b += 1

@@ -33,6 +33,7 @@ from diagnosis.engine import (
     textbook,
 )
 from diagnosis.estimation import errors, finish, fit, plain, sensitivities
+from diagnosis.first_fits import nearest, retimed
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import jitter
 from diagnosis.ledger import faster, floor_of
@@ -49,10 +50,8 @@ from diagnosis.search import (
     exchanged,
     generalised,
     in_turns,
-    nearest,
     off_limits,
     price,
-    retimed,
     try_all,
 )
 from diagnosis.timing import _timed, is_timed, timing_settled

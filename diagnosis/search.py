@@ -14,6 +14,7 @@ from diagnosis.glance import glance
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.problem import Problem
 from diagnosis.regression import View
+from diagnosis.resonance import ringing
 from diagnosis.whitening import unfiltered
 from envs.log import Array
 from methods.effects.base import Effect, Scales
@@ -135,8 +136,23 @@ def try_all(
     hopeful = [form for form in forms if form[0].promise > NEARLY * max(needed, np.log(base.samples))]
     rough += each(lambda item: (item[0], fit(problem, item[1], rounds=1, iterations=item[2])), other)
     rough += each(lambda item: (item[0], containing(problem, base, item[1])), hopeful)
+    rough += [found for effect, j in plainly for found in rung(problem, base, effect, j)]
     promises = {(start.hypothesis.effect.name, start.hypothesis.joint): start.promise for start in reversed(lists[0])}
     return _converged(problem, base, [score(problem, base, start, fitted) for start, fitted in rough], promises, finals)
+
+
+def rung(problem: Problem, base: Fitted, effect: Effect, joint: int) -> list[tuple[Start, Fitted]]:
+    """The best fit of an effect from where it rings as the errors do, first to these as they are."""
+    filter_ = unfiltered(problem)
+
+    def bare(item: tuple[Start, Point]) -> tuple[Start, Fitted]:
+        return item[0], fit(problem, item[1], filter_, rounds=1, iterations=10, renewed=False)
+
+    fits = each(bare, ringing(problem, base, effect, joint))
+    if not fits:
+        return []
+    start, best = min(fits, key=lambda item: item[1].criterion)
+    return [(start, fit(problem, best.point, rounds=2, iterations=6))]
 
 
 def score(problem: Problem, base: Fitted, start: Start, fitted: Fitted) -> Scored:

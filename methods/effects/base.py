@@ -102,6 +102,8 @@ class Effect:
     starts: proposes full parameter vectors; amplitudes in them are trial sizes, rescaled by regression before use.
     scan: how candidate shapes that no short grid can cover are found: ``time`` (frequency of a disturbance),
         ``position`` (cycles per revolution), ``event`` (instants), or None.
+    ringing: proposes full parameter vectors with which the joint rings at a frequency [Hz] that stands out of the
+        errors: a mode with little damping is found from close by only.
     variable: the signal against which the effect shows itself in a plot.
     includes: names of effects that this one contains as a special case. exchanges: nominal parameter that can stand in
         for the first parameter, or nothing. replaces: nominal parameter that has no meaning beside this effect.
@@ -132,6 +134,7 @@ class Effect:
     starts: Starts | None = None
     function: Callable | None = None
     scan: Literal["time", "position", "event"] | None = None
+    ringing: Callable[[float], Sequence[tuple[float, ...]]] | None = None
     includes: tuple[str, ...] = ()
     neutral: tuple[float, ...] = ()
     exchanges: str = ""

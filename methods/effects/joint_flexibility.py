@@ -7,6 +7,7 @@ With no inertia behind it the spring has no effect, whatever its frequency.
 Source: M. W. Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 109 (1987).
 """
 
+import math
 from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter, geometric, grid
@@ -15,6 +16,11 @@ from methods.effects.base import Effect, EffectParameter, geometric, grid
 def starts(s):
     """Frequencies that the recording spans, below half the Nyquist frequency; little or much of the load behind."""
     return grid((0.15, 0.5), geometric(max(3.0 / s.duration, 0.5), 0.25 / s.sample_time, 1.5), (0.04,))
+
+
+def ringing(frequency):
+    """Little or much of the load behind: motor and load ring at ``f / sqrt(1 - r)``."""
+    return [(share, frequency * math.sqrt(1.0 - share), 0.01) for share in (0.3, 0.55, 0.85)]
 
 
 EFFECT = Effect(
@@ -30,6 +36,7 @@ EFFECT = Effect(
     variable="acceleration",
     source="Spong 1987",
     starts=starts,
+    ringing=ringing,
     tries=3,
 )
 

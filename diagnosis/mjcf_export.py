@@ -291,7 +291,8 @@ def _presliding(item: _Joint, p: Values) -> bool:
     torque = item.torque(p["torque"])
     stiffness = torque / p["deflection"]
     damping = stiffness * p["damping_time"]
-    return _bristles(item, f"{item.name}_bristle", [stiffness, damping, torque, torque, 1.0])
+    levels = [torque, torque * (1.0 + p.get("rise", 0.0)), p.get("velocity", 1.0)]
+    return _bristles(item, f"{item.name}_bristle", [stiffness, damping, *levels])
 
 
 def _drag(item: _Joint, p: Values) -> bool:
@@ -400,6 +401,7 @@ _ELEMENTS: dict[str, Callable[[_Joint, Values], bool]] = {
     "constrained_coulomb_friction": _constrained,
     "stribeck_friction": _stribeck,
     "presliding_friction": _presliding,
+    "presliding_friction_stribeck": _presliding,
     "quadratic_drag": _drag,
     "cable_spring": _spring,
     "amplifier_offset": _offset,

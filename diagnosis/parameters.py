@@ -147,6 +147,22 @@ CANONICAL: dict[str, Canonical] = {
             "damping": p["torque"] / p["deflection"] * p["damping_time"],
         },
     ),
+    "presliding_friction_stribeck": Canonical(
+        {
+            "torque": "torque",
+            "stiffness": "torque per position",
+            "damping": "torque per velocity",
+            "static_torque": "torque",
+            "velocity": "velocity",
+        },
+        lambda p: {
+            "torque": p["torque"],
+            "stiffness": p["torque"] / p["deflection"],
+            "damping": p["torque"] / p["deflection"] * p["damping_time"],
+            "static_torque": p["torque"] * (1.0 + p["rise"]),
+            "velocity": p["velocity"],
+        },
+    ),
     "stribeck_friction": Canonical(
         {"torque": "torque", "static_torque": "torque", "velocity": "velocity"},
         lambda p: {"torque": p["torque"], "static_torque": p["torque"] + p["excess"], "velocity": p["velocity"]},
@@ -156,7 +172,7 @@ CANONICAL: dict[str, Canonical] = {
         lambda p: {"stiffness": p["stiffness"], "rest_angle": p["pull"] / max(p["stiffness"], 1e-30)},
     ),
 }
-"""Effects whose canonical parameters are not those of the model; all others keep theirs."""
+"""Effects (or single forms of them) whose canonical parameters are not those of the model; all others keep theirs."""
 
 
 SHAPES = ("rounding", "exponent", "feedback")
@@ -166,7 +182,7 @@ SHAPES = ("rounding", "exponent", "feedback")
 def canonical(effect: Effect) -> Canonical:
     """The change of variables of an effect; the identity unless `CANONICAL` holds another."""
     own = Canonical({p.name: p.dimension for p in effect.parameters}, lambda p: p)
-    found = CANONICAL.get(effect.label, own)
+    found = CANONICAL.get(effect.name, CANONICAL.get(effect.label, own))
     further = {p.name: p.dimension for p in effect.parameters if p.name in SHAPES and p.name not in found.dimensions}
     if not further:
         return found

@@ -109,6 +109,7 @@ STRUCTURAL = {
     "backlash_power": "PLAY_POWER",
     "presliding_friction": "BRISTLE",
     "presliding_friction_power": "DAHL",
+    "presliding_friction_stribeck": "LUGRE",
     "payload_change": "PAYLOAD",
     "payload_change_at_rest": "GRASP",
     "rounded_coulomb_friction": "ROUND",
@@ -823,18 +824,21 @@ def _through(v, rise, now, h, q, dq, w, lag, p, on, commands, euler):
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _bristled(on):
     """Whether there are bristles."""
-    return (BRISTLE >= 0 and on[BRISTLE]) or (DAHL >= 0 and on[DAHL])
+    return (BRISTLE >= 0 and on[BRISTLE]) or (DAHL >= 0 and on[DAHL]) or (LUGRE >= 0 and on[LUGRE])
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _bristle(z, dq, h, p, on):
     """Exact flow of the bristle at constant velocity: (mean torque over the step, deflection at the end)."""
     general = DAHL >= 0 and on[DAHL]
-    first = DAHL_P if general else BRISTLE_P
+    falling = LUGRE >= 0 and on[LUGRE]
+    first = DAHL_P if general else (LUGRE_P if falling else BRISTLE_P)
     top = max(p[first + 1], 1e-12)
     stiffness = p[first] / top
     if dq == 0.0:
         return stiffness * z, z
+    if falling:
+        top *= 1.0 + p[LUGRE_P + 3] * math.exp(-((abs(dq) / p[LUGRE_P + 4]) ** p[LUGRE_P + 5]))
     final = math.copysign(top, dq)
     rate = abs(dq) * h / top
     change = (final - z) * (1.0 - math.exp(-rate))

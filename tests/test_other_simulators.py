@@ -114,6 +114,28 @@ def test_friction_of_the_root_of_the_velocity_is_not_two_dry_frictions() -> None
     assert found.verdict == "unknown"
 
 
+class Bristle:
+    """LuGre friction that falls from a static level, by one implicit step of its bristle per call."""
+
+    def __init__(self, step: float) -> None:
+        self.step, self.bend = step, 0.0
+
+    def __call__(self, w: float) -> float:
+        level = 0.1 * (1.0 + 0.7 * math.exp(-((w / 0.15) ** 2)))
+        before, stiffness = self.bend, 20.0
+        self.bend = (before + self.step * w) / (1.0 + self.step * stiffness * abs(w) / level)
+        return stiffness * self.bend + 0.1 * (self.bend - before) / self.step
+
+
+def test_bristles_below_a_static_level_are_found_whole() -> None:
+    found = diagnosed(Bristle(DT / 20), steps=20, seconds=24.0)
+    assert found.verdict == "named"
+    assert names(found) == ["presliding_friction"]
+    value = {p: free(found, f"presliding_friction_stribeck.{p}") for p in ("torque", "deflection", "rise", "velocity")}
+    expected = {"torque": 0.1, "deflection": 0.005, "rise": 0.7, "velocity": 0.15}
+    assert value == pytest.approx(expected, rel=0.05)
+
+
 def test_a_joint_that_hardly_moves_is_searched_to_the_end() -> None:
     log = record(0, lambda w: 0.0, steps=4)
     still = 0.3 + 1e-4 * (log.position - 0.3)

@@ -24,7 +24,9 @@ from diagnosis.search import (
     FORM,
     Ranked,
     Scored,
+    containing,
     free_of_filter,
+    generalised,
     hypotheses_of,
     in_turns,
     is_resolved,
@@ -415,13 +417,14 @@ class Search:
         chosen = simplified(problem, path.base, chosen, self.effects, settings)
         accepted, chosen = merged(problem, accepted, chosen, settings)
         accepted.append(chosen)
-        present = path.present | stood_for(chosen)
         base = limits_settled(problem, chosen.scored.fitted, self.structures)
         base = timing_settled(problem, windings_settled(problem, base))
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
         accepted, base = merged_afterwards(problem, accepted, base, settings)
+        accepted, base = unified(problem, accepted, base, self.effects, settings)
+        present = path.present.union(stood_for(chosen), *map(stood_for, accepted))
         return replace(
             path,
             base=base,
@@ -946,6 +949,34 @@ def merged_afterwards(
         left, whole = merged(problem, others, replace(item, scored=replace(item.scored, fitted=base)), settings)
         if len(left) < len(others):
             return merged_afterwards(problem, [*left, whole], whole.scored.fitted, settings)
+    return accepted, base
+
+
+def unified(
+    problem: Problem, accepted: list[Accepted], base: Fitted, effects: Sequence[Effect], settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """The effects with one law in the place of parts of it, another form of it among them, where it does as well."""
+    for effect, joint in ((effect, j) for effect in effects for j in range(problem.joints)):
+        laws = {effect.name, effect.label, *effect.includes}
+        parts = [item for item in accepted if item.joint == joint and {item.name, item.label} & laws]
+        if len({item.label for item in parts}) < 2 or effect in [item.effect for item in parts]:
+            continue
+        view, size = View.of(problem, base), sizes_of(problem, base)[joint]
+        start, points = generalised(problem, view, effect, [item.effect for item in parts], joint, size)
+        fitted = containing(problem, base, points)
+        fitted = min(fitted, fit(problem, fitted.point, rounds=2, iterations=12), key=lambda option: option.criterion)
+        smaller = base
+        for item in parts:
+            smaller = without(problem, smaller, item)
+        whole = score(problem, smaller, start, fitted)
+        if (
+            fitted.criterion + whole.price
+            > base.criterion + sum(item.scored.price for item in parts) + settings.threshold
+        ):
+            continue
+        one = Accepted(whole, materiality(problem, fitted, whole.name, joint), ())
+        one = simplified(problem, smaller, one, effects, settings)
+        return [*(item for item in accepted if item not in parts), one], one.scored.fitted
     return accepted, base
 
 

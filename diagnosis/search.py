@@ -117,8 +117,9 @@ def try_all(
     base = _with_reference(problem, base)
     bare_base, sizes = plain(problem, base), sizes_of(problem, base)
     views = [View.of(problem, view) for view in (base, bare_base)]
-    general = [(effect, j) for effect, j in effects if contained(problem, base.point, effect, j) is not None]
-    plainly = [item for item in effects if item not in general]
+    parts = [contained(problem, base.point, *item) for item in effects]
+    general = [(effect, own, j) for (effect, j), own in zip(effects, parts, strict=True) if own]
+    plainly = [item for item, own in zip(effects, parts, strict=True) if not own]
     look = glance(problem, base)
     lists = proposals(problem, views, plainly, sizes, look)
     if look is not None and not look.is_enough(max([needed, *(start.promise for start in lists[0])])):
@@ -132,7 +133,7 @@ def try_all(
     rough += further(problem, bare_base, bare, known, look)
     either = {s.hypothesis.key: s for s in [*bare, *own]}.values()
     other = [(start, p, 3) for start in either for p in exchanged(problem, base.point, start)]
-    forms = each(lambda item: generalised(problem, views[0], *item, sizes[item[1]]), general)
+    forms = each(lambda item: generalised(problem, views[0], *item, sizes[item[-1]]), general)
     hopeful = [form for form in forms if form[0].promise > NEARLY * max(needed, np.log(base.samples))]
     rough += each(lambda item: (item[0], fit(problem, item[1], rounds=1, iterations=item[2])), other)
     rough += each(lambda item: (item[0], containing(problem, base, item[1])), hopeful)
@@ -363,26 +364,32 @@ def exchanged(problem: Problem, point: Point, start: Start) -> list[Point]:
     return found
 
 
-def contained(problem: Problem, point: Point, effect: Effect, joint: int) -> Effect | None:
+def contained(problem: Problem, point: Point, effect: Effect, joint: int) -> list[Effect]:
     """The form of the same law in the model whose place an effect would take: two of them side by side are a third."""
     on = problem.kernel.switches
     forms = (e for e in problem.kernel.effects if e.name in effect.includes and e.label == effect.label)
-    return next((form for form in forms if point.switches[joint, on[form.name]]), None)
+    return [form for form in forms if point.switches[joint, on[form.name]]][:1]
 
 
-def generalised(problem: Problem, view: View, effect: Effect, joint: int, size: Scales) -> tuple[Start, list[Point]]:
-    """The more general form of a law in place of the one that is in the model, which lends it what both describe.
+def generalised(
+    problem: Problem, view: View, effect: Effect, parts: Sequence[Effect], joint: int, size: Scales
+) -> tuple[Start, list[Point]]:
+    """The more general form of a law in place of parts of it that are in the model, which lend it what they describe.
 
-    Its further parameters are those that leave least of the errors, to first order in all parameters; a second point,
-    where there is one, has those with which both forms are the same.
+    Their amplitudes of one name, as levels of friction, add up. Its further parameters are those that leave least of
+    the errors, to first order in all parameters; a second point, where there is one, has those with which both forms
+    are the same.
     """
     base, hypothesis = view.fitted, Hypothesis(effect, joint)
-    inner = contained(problem, base.point, effect, joint)
-    assert inner is not None
+    known: dict[str, Array] = {}
+    without = base.point
+    for inner in parts:
+        without = withdraw(problem, without, inner.name, joint)
+        for i, q in enumerate(inner.parameters):
+            own = base.point.parameters[:, joint, problem.kernel.column(inner, q.name)]
+            known[q.name] = own + known.get(q.name, 0.0) if i in inner.amplitudes else own
     shapes = [tuple(v) for v in effect.starts(size)] if effect.starts else []
-    known = {q.name: base.point.parameters[:, joint, problem.kernel.column(inner, q.name)] for q in inner.parameters}
-    lent = [i for i, parameter in enumerate(effect.parameters) if parameter.name in known]
-    without, values = withdraw(problem, base.point, inner.name, joint), []
+    lent, values = [i for i, parameter in enumerate(effect.parameters) if parameter.name in known], []
     has_same = len(lent) + len(effect.neutral) == effect.size
     if has_same:
         shapes.append((0.0,) * len(lent) + effect.neutral)

@@ -154,8 +154,9 @@ def _electrical(drive: Drive) -> tuple[float, ...]:
     return constant, resistance, 1.0 / drive.inductance.value, 1.0, 0.0, 0.0, gain, limit, current
 
 
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "arcp", "nsz"}}
-"""No check for division by zero, and reorderings of arithmetic that leave infinities and NaN meaningful."""
+_OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+"""No check for division by zero. Arithmetic stays in order: machine code for one thread and for several would otherwise
+differ in the last bits."""
 
 _planar_inertia = numba.njit(**_OPTIONS)(scara.planar_inertia)
 _planar_bias = numba.njit(**_OPTIONS)(scara.planar_bias)

@@ -451,7 +451,7 @@ IN_MUJOCO = {
         "damping_time": 0.003,
         "rise": 0.6,
         "velocity": 0.2,
-        "exponent": 2.0,
+        "fall_exponent": 2.0,
     },
     "quadratic_drag": {"coefficient": 0.05},
     "cable_spring": {"stiffness": 0.3, "pull": 0.1},

@@ -421,7 +421,7 @@ def test_a_general_form_begins_where_the_textbook_form_is(name: str, values: lis
     nominal = fit_nominal(problem, (JointStructure(),))
     base = fit(problem, extend(problem, nominal.point, Hypothesis(inner, 0), np.array([values])))
     (general,) = (effect for effect in EFFECTS if effect.label == name and effect.neutral)
-    start, (point, *_) = generalised(problem, View.of(problem, base), general, 0, sizes_of(problem, base)[0])
+    start, (point, *_) = generalised(problem, View.of(problem, base), general, [inner], 0, sizes_of(problem, base)[0])
     assert not point.switches[0, KERNEL.switches[name]]
     assert start.promise < 12.0
     same, own, bare = errors(problem, [base.point, point, nominal.point])

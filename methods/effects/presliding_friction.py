@@ -4,7 +4,7 @@
 bristles that hardly bend are Coulomb friction. In Dahl's general law the bristle's slope falls with a power of what is
 left to the level of sliding, ``z' = q' (1 - sign(q') z / deflection)^exponent``. In the LuGre model this level falls
 from a static one to the Coulomb level as the joint speeds up: ``deflection`` is then multiplied by
-``1 + rise exp(-|q' / velocity|^exponent)`` where it stands in ``z'``.
+``1 + rise exp(-|q' / velocity|^fall_exponent)`` where it stands in ``z'``.
 
 Source: P. Dahl 1968; C. Canudas de Wit et al., A new model for control of systems with friction, IEEE TAC 40 (1995).
 """
@@ -46,6 +46,7 @@ POWER = replace(
     equation=r"\dot z = \dot q\,(1 - \mathrm{sign}(\dot q)\,\sigma_0 z/T_c)^n,\ \tau_f = \sigma_0 z + \sigma_1 \dot z",
     includes=("presliding_friction", "coulomb_friction"),
     neutral=(1.0,),
+    excludes=("presliding_friction_stribeck",),
     starts=lambda s: [(*values, 2.0) for values in starts(s)],
     tries=1,
 )
@@ -58,13 +59,14 @@ LUGRE = replace(
         *EFFECT.parameters,
         EffectParameter("rise", "ratio", "static level over Coulomb level, minus 1", lower=0.0, upper=20.0),
         EffectParameter("velocity", "velocity", "Stribeck velocity", lower=1e-9),
-        EffectParameter("exponent", "ratio", "2 in the Gaussian, 1 in the exponential form", lower=0.5, upper=3.0),
+        EffectParameter("fall_exponent", "ratio", "2 in the Gaussian, 1 in the exponential form", lower=0.5, upper=3.0),
     ),
     equation=(
         r"\dot z = \dot q - |\dot q|\,\sigma_0 z/g,\ g = T_c + (T_s - T_c)\,e^{-|\dot q/v_s|^{\delta}},"
         r"\ \tau_f = \sigma_0 z + \sigma_1 \dot z"
     ),
     includes=("presliding_friction", "stribeck_friction", "coulomb_friction"),
+    excludes=("presliding_friction_power",),
     starts=lambda s: [
         (*values, 0.5, share * s.velocity_rms, 1.5) for values in starts(s)[::2] for share in (0.03, 0.1, 0.3)
     ],

@@ -47,4 +47,21 @@ POWER = replace(
     includes=("torque_constant_saturation",),
     neutral=(1.0,),
 )
-EFFECTS = (EFFECT, POWER)
+
+
+def early(t, q, dq, w, p):
+    """1 / (1 + coefficient |w|)."""
+    return 1.0 / (1.0 + p[0] * abs(w))
+
+
+EARLY = replace(
+    EFFECT,
+    name="torque_constant_saturation_early",
+    kind="torque_constant_saturation",
+    parameters=(EffectParameter("coefficient", "1/command", "relative loss per motor torque", lower=0.0),),
+    equation=r"\tau_m = \alpha i / (1 + c\,|i|)",
+    starts=lambda s: [(0.02 / s.torque_rms,)],
+    function=early,
+    excludes=("torque_constant_saturation", "torque_constant_saturation_power"),
+)
+EFFECTS = (EFFECT, POWER, EARLY)

@@ -414,6 +414,7 @@ class Search:
         if chosen.effect.scatters:  # an effect found beside it changes little of where the optimum is
             fitted, optima = hopped(problem, fitted)
         chosen = replace(chosen, scored=scored.refitted(path.base, fitted))
+        unseen = frozenset() if is_resolved(problem, chosen.scored) else stood_for(chosen)
         chosen = simplified(problem, path.base, chosen, self.effects, settings)
         accepted, chosen = merged(problem, accepted, chosen, settings)
         accepted.append(chosen)
@@ -424,7 +425,7 @@ class Search:
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
         accepted, base = merged_afterwards(problem, accepted, base, settings)
         accepted, base = unified(problem, accepted, base, self.effects, settings)
-        present = path.present.union(stood_for(chosen), *map(stood_for, accepted))
+        present = path.present.union(unseen, stood_for(chosen), *map(stood_for, accepted))
         return replace(
             path,
             base=base,
@@ -842,8 +843,16 @@ def simplified(
 def merged(
     problem: Problem, accepted: list[Accepted], chosen: Accepted, settings: Settings
 ) -> tuple[list[Accepted], Accepted]:
-    """An effect that contains an earlier one takes its place, where both together do no better."""
+    """An effect that contains an earlier one takes its place, where both together do no better.
+
+    One that came as a more general form of an earlier one and is back in its simplest is that one.
+    """
     for item in accepted:
+        if (item.name, item.joint) == (chosen.name, chosen.joint):
+            decrease = chosen.scored.decrease + item.scored.decrease
+            chosen = replace(chosen, scored=replace(chosen.scored, decrease=decrease))
+            accepted = [other for other in accepted if other is not item]
+            continue
         if item.name not in chosen.effect.includes or item.joint != chosen.joint:
             continue
         both = chosen.scored.fitted

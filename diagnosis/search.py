@@ -371,32 +371,42 @@ def contained(problem: Problem, point: Point, effect: Effect, joint: int) -> lis
     return [form for form in forms if point.switches[joint, on[form.name]]][:1]
 
 
+def described(problem: Problem, point: Point, effects: Sequence[Effect], joint: int) -> dict[str, Array]:
+    """What effects in the model say of a joint, by name of the parameter, one value (logs,) each; amplitudes of one
+    name, as levels of friction, add up."""
+    known: dict[str, Array] = {}
+    for effect in effects:
+        for i, q in enumerate(effect.parameters):
+            own = point.parameters[:, joint, problem.kernel.column(effect, q.name)]
+            known[q.name] = own + known.get(q.name, 0.0) if i in effect.amplitudes else own
+    return known
+
+
 def generalised(
     problem: Problem, view: View, effect: Effect, parts: Sequence[Effect], joint: int, size: Scales
 ) -> tuple[Start, list[Point]]:
     """The more general form of a law in place of parts of it that are in the model, which lend it what they describe.
 
-    Their amplitudes of one name, as levels of friction, add up. Its further parameters are those that leave least of
-    the errors, to first order in all parameters; a second point, where there is one, has those with which both forms
-    are the same.
+    What other laws than its own lend may be wrong, and is done without as well. Its further parameters are those that
+    leave least of the errors, to first order in all parameters; a second point, where there is one, has those with
+    which both forms are the same.
     """
     base, hypothesis = view.fitted, Hypothesis(effect, joint)
-    known: dict[str, Array] = {}
     without = base.point
     for inner in parts:
         without = withdraw(problem, without, inner.name, joint)
-        for i, q in enumerate(inner.parameters):
-            own = base.point.parameters[:, joint, problem.kernel.column(inner, q.name)]
-            known[q.name] = own + known.get(q.name, 0.0) if i in inner.amplitudes else own
     shapes = [tuple(v) for v in effect.starts(size)] if effect.starts else []
-    lent, values = [i for i, parameter in enumerate(effect.parameters) if parameter.name in known], []
-    has_same = len(lent) + len(effect.neutral) == effect.size
-    if has_same:
-        shapes.append((0.0,) * len(lent) + effect.neutral)
-    for shape in shapes:
-        values.append(np.tile(np.array(shape, float), (problem.logs, 1)))
-        for i in lent:
-            values[-1][:, i] = known[effect.parameters[i].name]
+    values: list[Array] = []
+    has_same = False
+    same_law = [inner for inner in parts if inner.label == effect.label]
+    for lenders in (parts,) if same_law == list(parts) else (parts, same_law):
+        known = described(problem, base.point, lenders, joint)
+        lent = [i for i, parameter in enumerate(effect.parameters) if parameter.name in known]
+        has_same = len(lent) + len(effect.neutral) == effect.size
+        for shape in [*shapes, (0.0,) * len(lent) + effect.neutral] if has_same else shapes:
+            values.append(np.tile(np.array(shape, float), (problem.logs, 1)))
+            for i in lent:
+                values[-1][:, i] = known[effect.parameters[i].name]
     points = [extend(problem, without, hypothesis, own) for own in values]
     outcomes = errors(problem, points)
     rests = view.residual + view.sensitivities(outcomes - base.error)

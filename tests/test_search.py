@@ -31,6 +31,7 @@ from diagnosis.engine import (
     settled_anew,
     stays_itself,
     textbook,
+    unified,
 )
 from diagnosis.estimation import errors, finish, fit, plain, sensitivities
 from diagnosis.first_fits import nearest, retimed
@@ -781,6 +782,35 @@ def test_jitter_makes_more_noise_where_the_joint_moves_faster() -> None:
     velocity = np.std(np.diff(record({}).position[:, 0])) / DT
     assert faster(problem, problem, finding, 0) == pytest.approx(0.0, abs=1e-12)  # type: ignore[arg-type]
     assert faster(slow, problem, finding, 0) == pytest.approx(0.75 * (rms * velocity) ** 2, rel=0.1)  # type: ignore[arg-type]
+
+
+LUGRE = {"torque": 0.3, "deflection": 0.05, "damping_time": 0.002, "rise": 0.8, "velocity": 0.25, "fall_exponent": 2.0}
+
+
+def test_two_laws_of_friction_become_the_one_that_contains_both() -> None:
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of({"presliding_friction_stribeck": LUGRE}, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    falling = accepted(problem, nominal, "stribeck_friction", [0.25, 0.2, 0.25, 2.0])
+    bristles = accepted(problem, falling.scored.fitted, "presliding_friction", [0.1, 0.05, 0.0])
+    base = bristles.scored.fitted
+    (one,), whole = unified(problem, [falling, bristles], base, EFFECTS, Settings())
+    assert one.name == "presliding_friction_stribeck"
+    assert whole.criterion < base.criterion
+    found = [whole.point.value(f"{one.name}.{parameter}@0") for parameter in LUGRE]
+    assert found == pytest.approx(list(LUGRE.values()), rel=0.02)
+    drag = accepted(problem, base, "quadratic_drag", [0.001])
+    assert unified(problem, [falling, drag], base, EFFECTS, Settings()) == ([falling, drag], base)
+
+
+def test_a_general_form_that_is_back_in_its_simplest_stands_once() -> None:
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    friction = accepted(problem, nominal, "coulomb_friction", [0.2])
+    again = replace(friction, scored=replace(friction.scored, decrease=7.0))
+    left, whole = merged(problem, [friction], again, Settings())
+    assert left == []
+    assert whole.scored.decrease == friction.scored.decrease + 7.0
 
 
 def test_an_effect_at_the_end_of_its_range_stands_in_for_another_one() -> None:

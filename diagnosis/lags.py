@@ -68,6 +68,17 @@ def traded(point: Point, j: int, column: int) -> list[Point]:
     return found
 
 
+def instead_of_winding(point: Point, j: int) -> float:
+    """Lag of an amplifier [s] that would look like the winding of joint index j, which then had none; 0 where the
+    winding is known, or where the joint oscillates."""
+    winding = next((f for f in point.free if f.name == f"electrical_time_constant@{j}"), None)
+    row = point.parameters[0, j]
+    if winding is None or np.isfinite(winding.deviation):
+        return 0.0
+    own = poles(row[INERTIA], row[VISCOUS], row[BACK_EMF], row[WINDING])
+    return own[0] if len(own) == 2 else 0.0
+
+
 def told_apart(problem: Problem, fitted: Fitted, effect: Effect, j: int) -> tuple[Fitted, tuple[Optimum, ...]]:
     """The best of the fits that begin where lags have traded places, and all optima, its own among them.
 

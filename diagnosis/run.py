@@ -23,6 +23,7 @@ from diagnosis.estimation import Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
 from diagnosis.hopping import likely
 from diagnosis.isolability import isolability
+from diagnosis.lags import instead_of_winding
 from diagnosis.ledger import WINDOW, Step, failures, floor_of, gap, given_point, rows, steps
 from diagnosis.next_experiment import Range, next_experiment
 from diagnosis.nominal import JointStructure, settle_stamps
@@ -182,8 +183,9 @@ def diagnose(
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
-            notes = (timing_said(solved, j), scale_said(result), growth_said(solved, j), lags_said(solved, j))
-            findings += [said for said in notes if said]
+            solved_notes = (timing_said, growth_said, lags_said, winding_said)
+            notes = (scale_said(result), *(said(solved, j) for said in solved_notes))
+            findings += filter(None, notes)
         if solved.rest:
             findings.append(f"joint {group[0]}: {solved.rest}")
         findings += [failure_said(group[j], failure) for j, failure in solved.failing.items()]
@@ -281,6 +283,19 @@ def lags_said(solved: Solved, j: int) -> str:
         f"joint {solved.joints[j]}: the amplifier's lag stands in series with those of winding and rotor, and the logs "
         f"do not tell which is which: it may be {' or '.join(f'{lag:.3g}' for lag in found)} ms. A robot description, "
         "which states the inertia, decides"
+    )
+
+
+def winding_said(solved: Solved, j: int) -> str:
+    """That a winding of which nothing is known may be an amplifier's lag instead; nothing otherwise."""
+    found = instead_of_winding(solved.finding.final.point, j)
+    named = any(item.label == LAG and item.joint == j for item in solved.finding.accepted)
+    if named or found < solved.problem.sample_time:
+        return ""
+    return (
+        f"joint {solved.joints[j]}: no inductance is stated, and the command's lag of {found * 1e3:.3g} ms counts as "
+        "the winding's. An amplifier that lags as much would look the same; a robot description, which states the "
+        "winding, decides"
     )
 
 

@@ -10,7 +10,7 @@ from diagnosis.engine import find
 from diagnosis.estimation import errors
 from diagnosis.hopping import distances
 from diagnosis.hypotheses import Hypothesis, extend
-from diagnosis.lags import joint_with, poles, told_apart, traded
+from diagnosis.lags import instead_of_winding, joint_with, poles, told_apart, traded
 from diagnosis.nominal import JointStructure, point_at
 from diagnosis.search import fit
 from methods.kernel import NOMINAL
@@ -90,3 +90,17 @@ def test_the_order_that_nobody_knows_is_part_of_the_uncertainty():
     value, deviation = finding.final.point.vector[i], np.sqrt(finding.covariance[i, i])
     for lag in (LAG, 0.0042):
         assert abs(value - lag) < 1.645 * deviation < 0.002
+
+
+def test_a_winding_that_nobody_stated_may_be_an_amplifier():
+    said = []
+    for stated in (None, 0.01):
+        problem = problem_of({})
+        structure = JointStructure() if stated is None else JointStructure(electrical_time_constant=stated)
+        point = point_at(problem, (structure,))[0]
+        for name, value in JOINT.items():
+            point.parameters[:, :, NOMINAL.index(name)] = value
+        said.append(instead_of_winding(point, 0))
+    assert said[1] == 0.0
+    lag, longest = poles(*(JOINT[name] for name in ("inertia", "viscous", "back_emf", "electrical_time_constant")))
+    assert said[0] == lag < longest

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.estimation import Fitted, plain, predicted_motion
+from diagnosis.estimation import Fitted, plain, predicted_motion, sensitivities
+from diagnosis.first_fits import first_fits, part_of
 from diagnosis.glance import Glance, can_be_glanced_at, glance
 from diagnosis.hypotheses import Hypothesis, extend, proposals, sizes_of
 from diagnosis.nominal import JointStructure, fit_nominal
@@ -169,3 +170,25 @@ def test_weak_effects_are_sought_in_all_samples(monkeypatch: pytest.MonkeyPatch)
     looks.clear()
     try_all(problem, base, CANDIDATES, needed=1e4)  # what would be needed shows on a part of them
     assert [look is None for look in looks] == [False]
+
+
+def test_a_first_fit_to_a_part_is_one_to_all_samples(rubbing: tuple[Problem, Fitted]) -> None:
+    problem, base = rubbing
+    look = glance(problem, base)
+    assert look is not None
+    views = [View.of(problem, view) for view in (base, plain(problem, base))]
+    starts = proposals(problem, views, CANDIDATES, sizes_of(problem, base), look)[0]
+    own = [start for start in starts if start.hypothesis.effect.name in ("coulomb_friction", "quadratic_drag")]
+    known = sensitivities(problem, base.point, base.error)
+    brief, full = (first_fits(problem, base, own, known, part) for part in (look, None))
+    assert [start.hypothesis.key for start, _ in brief] == [start.hypothesis.key for start, _ in full]
+    for (start, part), (_, whole) in zip(brief, full, strict=True):
+        assert part.samples == whole.samples == base.samples
+        assert [f.name for f in part.point.free] == [f.name for f in whole.point.free]
+        gain = base.criterion - whole.criterion
+        assert base.criterion - part.criterion == pytest.approx(gain, rel=0.05, abs=100.0)
+        name = f"{start.hypothesis.effect.name}.{start.hypothesis.effect.parameters[0].name}@0"
+        if gain > 100.0:
+            assert part.point.value(name) == pytest.approx(whole.point.value(name), rel=0.05)
+    longer = replace(own[0], values=np.arange(2.0)[:, None])
+    assert part_of(base.point, longer, look).values[:, 0].tolist() == [float(log) for log in look.logs]

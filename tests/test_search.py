@@ -295,6 +295,12 @@ def accepted(problem: Problem, base, name: str, values: list[float]) -> Accepted
     )
 
 
+def scored(name: str, decrease: float) -> Scored:
+    """A hypothesis by its evidence alone."""
+    start = Start(Hypothesis(NAMED[name], 0), np.zeros((1, NAMED[name].size)), decrease)
+    return Scored(start, None, decrease, 0.0)  # type: ignore[arg-type]
+
+
 def test_a_friction_law_takes_the_place_of_the_simpler_one_that_it_contains() -> None:
     law = {"torque": 0.2, "excess": 0.2, "velocity": 0.3, "exponent": 2.0}
     problem = problem_of({"stribeck_friction": law})
@@ -394,10 +400,6 @@ def test_the_filter_follows_a_parameter_to_first_order() -> None:
 
 
 def test_the_textbook_form_of_a_law_comes_first() -> None:
-    def scored(name: str, decrease: float) -> Scored:
-        start = Start(Hypothesis(NAMED[name], 0), np.zeros((1, NAMED[name].size)), decrease)
-        return Scored(start, None, decrease, 0.0)  # type: ignore[arg-type]
-
     names = lambda ranked: [s.name for s in textbook(ranked)]  # noqa: E731
     general = scored("quadratic_drag_power", 100.0)
     assert names([general, scored("quadratic_drag", 95.0)]) == ["quadratic_drag"]
@@ -601,6 +603,21 @@ def test_a_hypothesis_is_compared_without_a_limit_that_stood_in_for_it() -> None
     assert anew.decrease > 1.5 * offset.decrease
 
 
+def test_only_laws_that_gain_over_what_they_contain_are_settled_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    for part in ("limits_settled", "timing_settled"):
+        monkeypatch.setattr(f"diagnosis.engine.{part}", lambda problem, fitted, *others: SimpleNamespace(criterion=0.0))
+    problem, base = problem_of({}), SimpleNamespace(criterion=1000.0)
+
+    def touched(**evidence: float) -> set[str]:
+        ranked = [scored(name, value) for name, value in evidence.items()]
+        return {s.name for s in settled_anew(problem, (JointStructure(),), base, ranked) if s.fitted is not None}
+
+    assert touched(coulomb_friction=100.0, stribeck_friction=99.0) == {"coulomb_friction"}
+    assert touched(coulomb_friction=99.0, stribeck_friction=100.0) == {"coulomb_friction", "stribeck_friction"}
+    assert touched(coulomb_friction=100.0, cable_spring=1.0) == {"coulomb_friction"}
+    assert touched(coulomb_friction=100.0, cable_spring=99.0) == {"coulomb_friction", "cable_spring"}
+
+
 def test_the_first_effect_is_also_sought_without_a_limit_that_acts_only_for_want_of_it() -> None:
     problem = problem_of({"amplifier_offset": {"voltage": 0.3}}, 1e-3 * np.random.default_rng(0).standard_normal(5000))
     nominal = fit_nominal(problem, (JointStructure(),))
@@ -656,10 +673,6 @@ def test_what_a_later_effect_contains_is_dropped_in_the_end() -> None:
 
 
 def test_other_ways_begin_with_what_explained_nearly_as_much() -> None:
-    def scored(name: str, decrease: float) -> Scored:
-        start = Start(Hypothesis(NAMED[name], 0), np.zeros((1, NAMED[name].size)), decrease)
-        return Scored(start, None, decrease, 0.0)  # type: ignore[arg-type]
-
     chosen = Accepted(scored("presliding_friction", 100.0), 0.1, ())
     ranked = [
         chosen.scored,

@@ -17,6 +17,7 @@ from diagnosis.problem import Problem
 from diagnosis.projection import project
 from envs.log import Array
 from methods.effects.base import Effect
+from methods.kernel import NOMINAL
 
 if TYPE_CHECKING:
     from diagnosis.engine import Accepted
@@ -29,6 +30,10 @@ VAGUE = 0.02
 """Relative deviation of a wave's length from which it is no finding of its own."""
 REACHED = 0.5
 """Share of its level that a rounded dry friction has to have reached at the rms velocity."""
+SOFTEST = 0.03
+"""Longest recovery time of a soft constraint that is friction in any case [s]; MuJoCo's own is 0.0095 s."""
+COASTING = 0.6
+"""Recovery time over that in which the joint itself coasts to rest, from which a constraint is no friction."""
 CANCELLING = 0.25
 """Sum of torques of the position, as a share of the largest, below which they only describe another law."""
 
@@ -37,6 +42,7 @@ class Patchwork(Enum):
     """What several named laws of a joint stand for together."""
 
     FRICTION = "one law of friction"
+    DEAD_ZONE = "a dead zone of the motor torque"
     POSITION = "one smooth torque of the position"
 
 
@@ -44,7 +50,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
     """The joints (by index) whose accepted laws are pieces of another one.
 
     Frictions: both contain dry friction, which cannot be there twice, or one is so rounded that it never comes near its
-    level. Torques of the position: they nearly
+    level. A soft constraint that takes the velocity away as slowly as the joint itself coasts is no friction either.
+    Torques of the position: they nearly
     cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a polynomial of the position with as many
     coefficients explains the logs as well, up to `margin` of -2 log likelihood.
     """
@@ -55,6 +62,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
         dry = [effect for effect in own if DRY in (effect.label, *effect.includes)]
         if len(dry) > 1 or any(is_damping(problem, final, j, effect) for effect in dry):
             found[j] = Patchwork.FRICTION
+        elif any(is_dead_zone(problem, final, j, effect) for effect in dry):
+            found[j] = Patchwork.DEAD_ZONE
         elif len(places) > 1 and (
             is_piece(problem, final, j, places)
             or is_cancelling(problem, final, j, places)
@@ -71,6 +80,20 @@ def is_damping(problem: Problem, final: Fitted, j: int, law: Effect) -> bool:
     values = final.point.parameters[0, j, problem.kernel.own(law)].tolist()
     at, level = (law.function(0.0, 0.0, velocity, 1.0, [], values) for velocity in (rms_velocity(problem, j), 1e9))
     return bool(at < REACHED * level)
+
+
+def is_dead_zone(problem: Problem, final: Fitted, j: int, law: Effect) -> bool:
+    """Whether a soft constraint asks for what the joint does by itself.
+
+    It holds ``w - b q' + J q' / t`` up to its level (motor torque w, damping b, inertia J, recovery time t), which at
+    ``t = J / b`` is the motor torque: a dead zone. Constraints of simulators recover in milliseconds.
+    """
+    if "recovery_time" not in {parameter.name for parameter in law.parameters}:
+        return False
+    row = final.point.parameters[0, j]
+    recovery = float(row[problem.kernel.column(law, "recovery_time")])
+    inertia, viscous, back_emf = (float(row[NOMINAL.index(name)]) for name in ("inertia", "viscous", "back_emf"))
+    return recovery > max(SOFTEST, COASTING * inertia / max(viscous + back_emf, 1e-300))
 
 
 def rms_velocity(problem: Problem, j: int) -> float:

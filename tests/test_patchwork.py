@@ -84,3 +84,12 @@ def test_dry_friction_that_never_reaches_its_level_is_none(rounding: float, is_d
     assert 1.6 < rms_velocity(problem, 0) < 2.2
     fitted, accepted = fitted_with(problem, friction)
     assert patchwork(problem, fitted, accepted, MARGIN) == ({} if is_dry else {0: Patchwork.FRICTION})
+
+
+@pytest.mark.parametrize(("recovery", "is_dry"), [(0.0095, True), (0.02, True), (0.09, False)])
+def test_a_constraint_as_slow_as_the_joint_is_a_dead_zone(recovery: float, is_dry: bool) -> None:
+    """The joint coasts to rest in 0.1 s."""
+    friction = {"constrained_coulomb_friction": {"torque": 0.1, "recovery_time": recovery, "hold": 0.95}}
+    problem = problem_of(friction, 1.2, 1e-5)
+    fitted, accepted = fitted_with(problem, friction)
+    assert patchwork(problem, fitted, accepted, MARGIN) == ({} if is_dry else {0: Patchwork.DEAD_ZONE})

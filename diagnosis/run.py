@@ -294,8 +294,8 @@ def winding_said(solved: Solved, j: int) -> str:
         return ""
     return (
         f"joint {solved.joints[j]}: no inductance is stated, and the command's lag of {found * 1e3:.3g} ms counts as "
-        "the winding's. An amplifier that lags as much would look the same; a robot description, which states the "
-        "winding, decides"
+        "the winding's. An amplifier that lags, or a command that is delayed, by as much would look nearly the same; a "
+        "robot description, which states the winding, decides"
     )
 
 

@@ -848,12 +848,7 @@ def merged(
     One that came as a more general form of an earlier one and is back in its simplest is that one.
     """
     for item in accepted:
-        if (item.name, item.joint) == (chosen.name, chosen.joint):
-            decrease = chosen.scored.decrease + item.scored.decrease
-            chosen = replace(chosen, scored=replace(chosen.scored, decrease=decrease))
-            accepted = [other for other in accepted if other is not item]
-            continue
-        if item.name not in chosen.effect.includes or item.joint != chosen.joint:
+        if item.name not in (chosen.name, *chosen.effect.includes) or item.joint != chosen.joint:
             continue
         both = chosen.scored.fitted
         allowed = item.scored.price + settings.threshold
@@ -874,7 +869,7 @@ def alone(problem: Problem, item: Accepted, chosen: Accepted) -> Iterator[Fitted
     """
     effect, joint, column = chosen.effect, chosen.joint, problem.kernel.column
     both = chosen.scored.fitted
-    if not both.point.switches[joint, problem.kernel.switches[item.name]]:
+    if item.name == chosen.name or not both.point.switches[joint, problem.kernel.switches[item.name]]:
         yield both  # the chosen form has begun in its place
         return
     point = withdraw(problem, both.point, item.name, joint)
@@ -966,7 +961,7 @@ def unified(
 ) -> tuple[list[Accepted], Fitted]:
     """The effects with one law in the place of parts of it, another form of it among them, where it does as well."""
     for effect, joint in ((effect, j) for effect in effects for j in range(problem.joints)):
-        laws = {effect.name, effect.label, *effect.includes}
+        laws = {effect.label, *effect.includes}
         parts = [item for item in accepted if item.joint == joint and {item.name, item.label} & laws]
         if len({item.label for item in parts}) < 2 or effect in [item.effect for item in parts]:
             continue
@@ -978,10 +973,8 @@ def unified(
         for item in parts:
             smaller = without(problem, smaller, item)
         whole = score(problem, smaller, start, fitted)
-        if (
-            fitted.criterion + whole.price
-            > base.criterion + sum(item.scored.price for item in parts) + settings.threshold
-        ):
+        allowed = sum(item.scored.price for item in parts) + settings.threshold
+        if fitted.criterion + whole.price > base.criterion + allowed:
             continue
         one = Accepted(whole, materiality(problem, fitted, whole.name, joint), ())
         one = simplified(problem, smaller, one, effects, settings)

@@ -107,6 +107,14 @@ def _rise(p: Values) -> float:
     return p[HEAT] * r / (1.0 + share * r * (1.0 - p[HEAT]))
 
 
+_BRISTLES = Canonical(
+    {"torque": "torque", "stiffness": "torque per position", "damping": "torque per velocity"},
+    lambda p: {
+        "torque": p["torque"],
+        "stiffness": p["torque"] / p["deflection"],
+        "damping": p["torque"] / p["deflection"] * p["damping_time"],
+    },
+)
 CANONICAL: dict[str, Canonical] = {
     "thermal_drift": Canonical(
         {"resistance_rise": "ratio", "time_constant": "time"},
@@ -139,26 +147,11 @@ CANONICAL: dict[str, Canonical] = {
             "contact_damping": _damping(p),
         },
     ),
-    "presliding_friction": Canonical(
-        {"torque": "torque", "stiffness": "torque per position", "damping": "torque per velocity"},
-        lambda p: {
-            "torque": p["torque"],
-            "stiffness": p["torque"] / p["deflection"],
-            "damping": p["torque"] / p["deflection"] * p["damping_time"],
-        },
-    ),
+    "presliding_friction": _BRISTLES,
     "presliding_friction_stribeck": Canonical(
-        {
-            "torque": "torque",
-            "stiffness": "torque per position",
-            "damping": "torque per velocity",
-            "static_torque": "torque",
-            "velocity": "velocity",
-        },
+        {**_BRISTLES.dimensions, "static_torque": "torque", "velocity": "velocity"},
         lambda p: {
-            "torque": p["torque"],
-            "stiffness": p["torque"] / p["deflection"],
-            "damping": p["torque"] / p["deflection"] * p["damping_time"],
+            **_BRISTLES.change(p),
             "static_torque": p["torque"] * (1.0 + p["rise"]),
             "velocity": p["velocity"],
         },

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diagnosis.estimation import Fitted, errors, predicted_motion
+from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
 from diagnosis.problem import Problem
 from diagnosis.projection import project
 from envs.log import Array
 from methods.effects.base import Effect
-from methods.kernel import NOMINAL
 
 if TYPE_CHECKING:
     from diagnosis.engine import Accepted
@@ -51,9 +51,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
 
     Frictions: both contain dry friction, which cannot be there twice, or one is so rounded that it never comes near its
     level. A soft constraint that takes the velocity away as slowly as the joint itself coasts is no friction either.
-    Torques of the position: they nearly
-    cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a polynomial of the position with as many
-    coefficients explains the logs as well, up to `margin` of -2 log likelihood.
+    Torques of the position: they nearly cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a
+    polynomial of the position with as many coefficients explains the logs as well, up to `margin` of -2 log likelihood.
     """
     found: dict[int, Patchwork] = {}
     for j in range(problem.joints):
@@ -92,8 +91,8 @@ def is_dead_zone(problem: Problem, final: Fitted, j: int, law: Effect) -> bool:
         return False
     row = final.point.parameters[0, j]
     recovery = float(row[problem.kernel.column(law, "recovery_time")])
-    inertia, viscous, back_emf = (float(row[NOMINAL.index(name)]) for name in ("inertia", "viscous", "back_emf"))
-    return recovery > max(SOFTEST, COASTING * inertia / max(viscous + back_emf, 1e-300))
+    damping = float(row[VISCOUS] + row[BACK_EMF])
+    return recovery > max(SOFTEST, COASTING * float(row[INERTIA]) / max(damping, 1e-300))
 
 
 def rms_velocity(problem: Problem, j: int) -> float:

@@ -12,6 +12,7 @@ from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, se
 from diagnosis.first_fits import first_fits, further, retimed
 from diagnosis.glance import glance
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
+from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
 from diagnosis.problem import Problem
 from diagnosis.regression import View
 from diagnosis.resonance import ringing
@@ -21,7 +22,6 @@ from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL
 from methods.parallel import each
 
-INERTIA, VISCOUS, BACK_EMF = (NOMINAL.index(name) for name in ("inertia", "viscous", "back_emf"))
 LEAST = 3
 """Hypotheses that are fitted in any case."""
 NEARLY = 0.5
@@ -144,16 +144,11 @@ def try_all(
 
 def rung(problem: Problem, base: Fitted, effect: Effect, joint: int) -> list[tuple[Start, Fitted]]:
     """The best fit of an effect from where it rings as the errors do, first to these as they are."""
-    filter_ = unfiltered(problem)
-
-    def bare(item: tuple[Start, Point]) -> tuple[Start, Fitted]:
-        return item[0], fit(problem, item[1], filter_, rounds=1, iterations=10, renewed=False)
-
-    fits = each(bare, ringing(problem, base, effect, joint))
+    fits = each(lambda item: (item[0], to_errors(problem, item[1])), ringing(problem, base, effect, joint))
     if not fits:
         return []
     start, best = min(fits, key=lambda item: item[1].criterion)
-    return [(start, fit(problem, best.point, rounds=2, iterations=6))]
+    return [(start, to_innovations(problem, best))]
 
 
 def score(problem: Problem, base: Fitted, start: Start, fitted: Fitted) -> Scored:
@@ -302,8 +297,17 @@ def in_turns(problem: Problem, fitted: Fitted) -> Fitted:
 
 def free_of_filter(problem: Problem, point: Point) -> Fitted:
     """Fit to the errors as they are, and from there to their innovations."""
-    bare = fit(problem, point, unfiltered(problem), rounds=1, iterations=10, renewed=False)
-    return fit(problem, bare.point, rounds=2, iterations=6)
+    return to_innovations(problem, to_errors(problem, point))
+
+
+def to_errors(problem: Problem, point: Point) -> Fitted:
+    """Fit to the errors as they are."""
+    return fit(problem, point, unfiltered(problem), rounds=1, iterations=10, renewed=False)
+
+
+def to_innovations(problem: Problem, fitted: Fitted) -> Fitted:
+    """A fit to the errors as they are carried on to their innovations."""
+    return fit(problem, fitted.point, rounds=2, iterations=6)
 
 
 def with_limiting_effects(problem: Problem, base: Fitted, ranked: Sequence[Scored]) -> list[Scored]:

@@ -155,7 +155,7 @@ def _electrical(drive: Drive) -> tuple[float, ...]:
 
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy"}
-"""No check for division by zero. Arithmetic stays in order: machine code for one thread and for several would otherwise
+"""No check for division by zero. Arithmetic stays in order: machine code for one thread and for several may otherwise
 differ in the last bits."""
 
 _planar_inertia = numba.njit(**_OPTIONS)(scara.planar_inertia)

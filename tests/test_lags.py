@@ -96,8 +96,7 @@ def test_a_winding_that_nobody_stated_may_be_an_amplifier():
     said = []
     for stated in (None, 0.01):
         problem = problem_of({})
-        structure = JointStructure() if stated is None else JointStructure(electrical_time_constant=stated)
-        point = point_at(problem, (structure,))[0]
+        point = point_at(problem, (JointStructure(electrical_time_constant=stated),))[0]
         for name, value in JOINT.items():
             point.parameters[:, :, NOMINAL.index(name)] = value
         said.append(instead_of_winding(point, 0))

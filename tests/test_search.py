@@ -672,6 +672,15 @@ def test_what_a_later_effect_contains_is_dropped_in_the_end() -> None:
     assert [item.name for item in right[0]] == ["coulomb_friction"]
 
 
+def test_two_forms_of_one_law_never_stand_side_by_side() -> None:
+    first = [effect for effect in EFFECTS if not effect.after]
+    for there in first:
+        for other in first:
+            if other is not there and other.label == there.label:
+                takes_its_place = there.name in other.includes
+                assert takes_its_place or other.name in (*there.includes, *there.excludes), (there.name, other.name)
+
+
 def test_other_ways_begin_with_what_explained_nearly_as_much() -> None:
     chosen = Accepted(scored("presliding_friction", 100.0), 0.1, ())
     ranked = [

@@ -25,6 +25,7 @@ EFFECT = Effect(
     source="Hanselman",
     starts=lambda s: [(0.02 / s.torque_rms**2,)],
     function=gain,
+    excludes=("torque_constant_saturation_early",),
 )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.hopping import Optimum, distances, hopped
-from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, extend, proposals, sizes_of, withdraw
+from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, command_response, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, windings_settled, without_limits
@@ -75,6 +76,8 @@ LIMITED = 0.25
 """The same for torque limits that act or do not."""
 DRIVEN_BY = {"position": "place", "motor torque": "motor", "command": "motor"}
 """By the signals that effects follow, groups whose laws are too unlike for one to stand in for another."""
+UNDERSTATED = 4.0
+"""By what factor a fit may exceed what a regression says of an effect."""
 STEADY = 0.5
 """Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
 CLEARED = 0.1
@@ -191,19 +194,13 @@ class Finding:
 
 
 def materiality(problem: Problem, fitted: Fitted, name: str, joint: int) -> float:
-    """Torque of an effect as a share of the command's rms: its influence on the prediction beside that of 1 % of the
+    """Torque of an effect as a share of the command's rms: its influence on the prediction beside that of the
     command."""
     off = fitted.point.switches.copy()
     off[joint, problem.kernel.switches[name]] = False
     without = replace(fitted.point, switches=off)
-    size = 0.01
-    extra = np.zeros((2, len(problem.time), problem.joints))
-    extra[1, :, joint] = size * problem.command[:, joint]
-    one = errors(problem, [without])[0] - fitted.error
-    both = errors(problem, [fitted.point, fitted.point], extra=extra)
-    reference = both[1] - both[0]
-    rms = lambda e: float(np.sqrt(np.mean(e[problem.used, joint] ** 2)))  # noqa: E731
-    return size * rms(one) / max(rms(reference), 1e-300)
+    one = (errors(problem, [without])[0] - fitted.error)[problem.used, joint]
+    return float(np.sqrt(np.mean(one**2))) / command_response(problem, fitted.point, joint)
 
 
 def find(
@@ -375,7 +372,8 @@ class Search:
                 complete = path.excess <= allowance(self.nominal, path.base)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
                 needed = max(needed, path.scattered)
-            ranked = try_all(problem, path.base, candidates, needed=needed)
+            hopeless = partial(is_too_small, path.accepted, settings, explained) if path.accepted else no_start
+            ranked = try_all(problem, path.base, candidates, needed=needed, is_hopeless=hopeless)
             if not path.accepted and stuck(problem, ranked):
                 ranked = also_without_limits(problem, path.base, candidates, ranked)
             if not path.accepted:
@@ -470,7 +468,7 @@ class Search:
 
         Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
         """
-        if path.excess > 0.0:
+        if path.excess > 0.0 and (len(path.accepted) > 1 or self.incomplete(path)):
             path = self.exchanged(path)
         for earlier, other in path.forks[:FORKS]:
             if not self.incomplete(path):
@@ -710,9 +708,10 @@ def choose(
     for scored in sorted(near, key=lambda s: (s.effect.size, -s.evidence)):
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
-        plain = not may_repair(scored, accepted, settings) or scored.decrease > settings.inexact * explained
-        rough = any(item.effect.scatters and item.joint == hypothesis.joint for item in accepted)
-        if share >= (material if plain else (1.0 if rough else 0.5) * settings.relevant):
+        least_share = material
+        if scored.decrease <= settings.inexact * explained:
+            least_share = least_beside(scored.effect, hypothesis.joint, scored.evidence, accepted, settings)
+        if share >= least_share:
             rivals = tuple(
                 s
                 for s in ranked
@@ -725,14 +724,33 @@ def choose(
     return None
 
 
-def may_repair(scored: Scored, accepted: Sequence[Accepted], settings: Settings) -> bool:
-    """Whether a further effect may only make up for an inexact law of another one of the same joint.
+def least_beside(
+    effect: Effect, joint: int, evidence: float, accepted: Sequence[Accepted], settings: Settings
+) -> float:
+    """Least torque, as a share of the command's rms, of a small further effect beside others of the same joint.
 
-    What follows the position and what follows the motor do not stand in for each other where the evidence is strong.
+    It may only make up for an inexact law of one of them. What follows the position and what follows the motor do not
+    stand in for each other where the evidence is strong.
     """
-    own = DRIVEN_BY.get(scored.effect.variable) if scored.evidence > settings.weak else None
-    others = (DRIVEN_BY.get(item.effect.variable) for item in accepted if item.joint == scored.start.hypothesis.joint)
-    return any(own is None or other is None or own == other for other in others)
+    beside = [item.effect for item in accepted if item.joint == joint]
+    own = DRIVEN_BY.get(effect.variable) if evidence > settings.weak else None
+    others = [DRIVEN_BY.get(other.variable) for other in beside]
+    if not any(own is None or other is None or own == other for other in others):
+        return settings.material if accepted else settings.faint
+    return (1.0 if any(other.scatters for other in beside) else 0.5) * settings.relevant
+
+
+def is_too_small(accepted: Sequence[Accepted], settings: Settings, explained: float, start: Start) -> bool:
+    """Whether a regression says, with a wide margin, that a further effect could not be taken for its size."""
+    most, hypothesis = UNDERSTATED * start.promise, start.hypothesis
+    if most > settings.inexact * explained:
+        return False
+    return UNDERSTATED * start.share < least_beside(hypothesis.effect, hypothesis.joint, most, accepted, settings)
+
+
+def no_start(start: Start) -> bool:
+    """None is too small."""
+    return False
 
 
 def textbook(ranked: Sequence[Scored]) -> list[Scored]:

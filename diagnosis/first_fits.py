@@ -56,6 +56,22 @@ def part_of(point: Point, start: Start, look: Glance) -> Start:
     return replace(start, values=start.values[look.logs], others=others, shift=shift)
 
 
+def seen_in_part(problem: Problem, base: Fitted, hypothesis: Hypothesis, fitted: Fitted, look: Glance) -> Point | None:
+    """The model of a hypothesis on the segments of a part; None where it differs from the base in more than that, or
+    the segments do not tell."""
+    added = fitted.point.switches ^ base.point.switches
+    effect, joint = hypothesis.effect, hypothesis.joint
+    column = problem.kernel.switches[effect.name]
+    if not can_be_glanced_at(effect) or added.sum() != 1 or not added[joint, column]:
+        return None
+    values = np.repeat(fitted.point.parameters[:1, joint, problem.kernel.own(effect)], look.problem.logs, axis=0)
+    point = extend(look.problem, look.views[0].fitted.point, hypothesis, values)
+    found = dict(zip((f.name for f in fitted.point.free), fitted.point.vector, strict=True))
+    return point.within(
+        np.array([found.get(f.name, value) for f, value in zip(point.free, point.vector, strict=True)])
+    )
+
+
 def on_all_samples(
     problem: Problem, base: Fitted, hypothesis: Hypothesis, part: Fitted, known: Array, *, renewed: bool = True
 ) -> Fitted:

@@ -72,7 +72,8 @@ class Start:
     """A hypothesis with values (L, size) to begin from and the decrease of the criterion that they promise.
 
     others: values of other shapes, next best first, as many as the effect wants to be tried. shift: change of the free
-    parameters of the model without it that goes with the values, to first order.
+    parameters of the model without it that goes with the values, to first order. share: torque that these values stand
+    for as a share of the command's rms, infinite where no regression tells it.
     """
 
     hypothesis: Hypothesis
@@ -81,6 +82,7 @@ class Start:
     searched: int = 1
     others: tuple[Array, ...] = ()
     shift: Array | None = None
+    share: float = np.inf
 
 
 def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array) -> Point:
@@ -200,6 +202,7 @@ def _other_shape(effect: Effect, one: Array, other: Array) -> bool:
 def _regressions(problem: Problem, views: Sequence[View], jobs: Sequence[Job]) -> list[list[Start]]:
     """The start that each view proposes for each of the jobs; so many at a time are simulated at once."""
     point, size = views[0].fitted.point, len(problem.time) * problem.joints
+    per_command = {j: command_response(problem, point, j) for j in {hypothesis.joint for hypothesis, _, _ in jobs}}
     found: list[list[Start]] = []
     count = max(2, min(AT_ONCE, MEMORY // size))
     for part in (jobs[first : first + count] for first in range(0, len(jobs), count)):
@@ -207,8 +210,17 @@ def _regressions(problem: Problem, views: Sequence[View], jobs: Sequence[Job]) -
         outcomes = iter(errors(problem, [trial for own, _ in trials for trial in own]))
         simulated = [np.stack([next(outcomes) for _ in own]) for own, _ in trials]
         parts = list(zip(part, (slots for _, slots in trials), simulated, strict=True))
-        found += each(lambda item: _regress(problem, views, *item), parts)
+        found += each(lambda item: _regress(problem, views, *item, per_command[item[0][0].joint]), parts)
     return found
+
+
+def command_response(problem: Problem, point: Point, joint: int) -> float:
+    """Rms of what a small change of the command of a joint does to its prediction error, over that change's share."""
+    size = 0.01
+    extra = np.zeros((2, len(problem.time), problem.joints))
+    extra[1, :, joint] = size * problem.command[:, joint]
+    one, other = errors(problem, [point, point], extra=extra)
+    return max(float(np.sqrt(np.mean((other - one)[problem.used, joint] ** 2))), 1e-300) / size
 
 
 def _trials(
@@ -227,8 +239,11 @@ def _trials(
     return trials, slots
 
 
-def _regress(problem: Problem, views: Sequence[View], job: Job, slots: Sequence[Slot], simulated: Array) -> list[Start]:
-    """The start that each view proposes, amplitudes scaled by linear regression; simulated: errors (A, T, n)."""
+def _regress(
+    problem: Problem, views: Sequence[View], job: Job, slots: Sequence[Slot], simulated: Array, per_command: float
+) -> list[Start]:
+    """The start that each view proposes, amplitudes scaled by linear regression; simulated: errors (A, T, n);
+    per_command: what all of the command does to them (`command_response`)."""
     hypothesis, values, searched = job
     effect, base = hypothesis.effect, views[0].fitted
     if not problem.credible(simulated[0]):
@@ -248,19 +263,21 @@ def _regress(problem: Problem, views: Sequence[View], job: Job, slots: Sequence[
     starts = []
     for view in views:
         sensitivity, residual = view.sensitivities(stacked), view.residual
-        adjusted = values.copy()
+        adjusted, share = values.copy(), np.inf
         if effect.amplitudes:
             shift, own, left = view.least(sensitivity, residual)
+            response = np.tensordot(own, stacked[:, problem.used, hypothesis.joint], 1)
+            share = float(np.sqrt(np.mean(response**2))) / per_command
             for (a, log), c in zip(owners, own, strict=True):
                 rows = slice(None) if log < 0 else log
                 factor = np.clip(c, -50.0, 50.0)
                 if effect.parameters[a].lower == 0.0 and factor <= 0.0:
-                    factor, left, shift = 0.02, 0.3 * left + 0.7 * residual, 0.0 * shift
+                    factor, left, shift, share = 0.02, 0.3 * left + 0.7 * residual, 0.0 * shift, np.inf
                 scaled = values[rows, a] * factor
                 adjusted[rows, a] = np.clip(scaled, effect.parameters[a].lower, 0.9 * effect.parameters[a].upper)
         else:
             shift, _, left = view.least(sensitivity[:0], residual + sensitivity[0])
-        starts.append(Start(hypothesis, adjusted, view.promise(problem, left), searched, shift=shift))
+        starts.append(Start(hypothesis, adjusted, view.promise(problem, left), searched, shift=shift, share=share))
     return starts
 
 

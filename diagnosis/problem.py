@@ -24,6 +24,7 @@ SEGMENT = 60_000  # samples of one segment of a long recording
 DIVERGED = 1e6  # prediction error [rad or m] that stands for a simulation that left all bounds
 LIMIT = 240_000  # samples that take part in a fit
 DITHER = 0.02  # rms of the noise that continuous readings are given, as a share of that of the motion between two
+EVEN = 1e-3  # share of a step by which stamps may miss even instants and still be written in so many digits only
 INDEPENDENT = (
     0.5  # mean square change of the stamps' error over twice its mean square, 1 where one does not know the next
 )
@@ -113,6 +114,21 @@ class Problem:
         return float(np.median(np.diff(self.time[: self.bounds[1]])))
 
     @cached_property
+    def instants(self) -> Array:
+        """Time since the beginning of its log (T,), of logs that are evenly sampled the same numbers bit by bit: these
+        can be simulated together."""
+        found: list[Array] = []
+        steps: list[float] = []
+        for a, b in pairwise(self.bounds):
+            since, count = self.time[a:b] - self.time[a], np.arange(b - a)
+            own = float(since[-1]) / max(b - a - 1, 1)
+            even = (step for step in (*steps, own) if np.max(np.abs(since - step * count)) <= EVEN * step)
+            step = next(even, None)
+            found.append(since if step is None else step * count)
+            steps += [] if step is None or step in steps else [step]
+        return np.concatenate(found)
+
+    @cached_property
     def used(self) -> np.ndarray:
         """Mask (T,) of the samples after the burn-in of their log."""
         mask = np.zeros(len(self.time), dtype=bool)
@@ -157,7 +173,7 @@ class Problem:
         """Prediction errors (C, T, n) of C candidates: parameters (C, L, n, columns), switches (C, n, effects)."""
         out = np.empty((len(parameters), len(self.time), self.joints))
         self.kernel.batch(
-            self.time,
+            self.instants,
             self.command,
             self.cumulative,
             self.hold,
@@ -189,7 +205,7 @@ class Problem:
         none = np.zeros((0, self.joints, 3))
         for log, (a, b) in enumerate(pairwise(self.bounds)):
             self.kernel.motion(
-                self.time[a:b],
+                self.instants[a:b],
                 self.command[a:b],
                 self.cumulative[a:b],
                 self.hold,

@@ -206,7 +206,7 @@ def begun(
     n, own = problem.joints, slice(problem.bounds[log], problem.bounds[log + 1])
     near = problem.neighbour[own] if len(problem.neighbour) else np.zeros((0, n, 3))
     command = problem.command[own]
-    signals = (problem.time[own], command, problem.cumulative[own], problem.hold, reading[own], near)
+    signals = (problem.instants[own], command, problem.cumulative[own], problem.hold, reading[own], near)
     states = np.zeros((n, 7))
     problem.kernel.module.begin(point.starts[log], command[0], states, point.parameters[log], point.switches)
     return signals, (point.parameters[log], point.switches, problem.pair, point.rigid), (states, np.zeros(n))

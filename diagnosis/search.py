@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import filterfalse
 from typing import TypeVar
 
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
-from diagnosis.first_fits import first_fits, further, retimed
-from diagnosis.glance import glance
+from diagnosis.first_fits import first_fits, further, on_all_samples, retimed, seen_in_part
+from diagnosis.glance import Glance, glance
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
 from diagnosis.problem import Problem
@@ -40,6 +41,8 @@ COLOURED = 5.0
 """Rms of the errors over that of their innovations from which that is done."""
 TURNS = 4
 """Most turns between the errors as they are and their innovations."""
+CLOSE = 0.75
+"""Share of the best first fit's decrease from which a hypothesis is fitted to all samples, where a part is enough."""
 NEAR = 0.9
 """Share of the best decrease above which a hypothesis counts as its near equal."""
 
@@ -109,10 +112,12 @@ def try_all(
     refine: int = 8,
     finals: int = 3,
     needed: float = -np.inf,
+    is_hopeless: Callable[[Start], bool] = lambda start: False,
 ) -> list[Scored]:
     """Every hypothesis on top of a base model, best first; only the promising ones are refined.
 
-    `needed`: linear prediction of the evidence below which a hypothesis is not refined.
+    `needed`: linear prediction of the evidence below which a hypothesis is not refined; `is_hopeless`: whether it
+    could not be taken for its size.
     """
     base = _with_reference(problem, base)
     bare_base, sizes = plain(problem, base), sizes_of(problem, base)
@@ -125,7 +130,7 @@ def try_all(
     if look is not None and not look.is_enough(max([needed, *(start.promise for start in lists[0])])):
         look, lists = None, proposals(problem, views, plainly, sizes)
     own, bare = (
-        first(worth_fitting(problem, starts, base.samples, needed, least), refine, law)
+        first(filterfalse(is_hopeless, worth_fitting(problem, starts, base.samples, needed, least)), refine, law)
         for starts, least in zip((simplest(lists[0]), hidden(*lists)), (LEAST, 0), strict=True)
     )
     known = sensitivities(problem, base.point, base.error)
@@ -139,7 +144,8 @@ def try_all(
     rough += each(lambda item: (item[0], containing(problem, base, item[1])), hopeful)
     rough += [found for effect, j in plainly for found in rung(problem, base, effect, j)]
     promises = {(start.hypothesis.effect.name, start.hypothesis.joint): start.promise for start in reversed(lists[0])}
-    return _converged(problem, base, [score(problem, base, start, fitted) for start, fitted in rough], promises, finals)
+    scored = [score(problem, base, start, fitted) for start, fitted in rough]
+    return _converged(problem, base, scored, promises, finals, known, look)
 
 
 def rung(problem: Problem, base: Fitted, effect: Effect, joint: int) -> list[tuple[Start, Fitted]]:
@@ -170,8 +176,9 @@ def worth_fitting(problem: Problem, starts: Sequence[Start], samples: int, neede
 Ordered = TypeVar("Ordered")
 
 
-def first(items: Sequence[Ordered], count: int, place: Callable[[Ordered], Hashable]) -> list[Ordered]:
+def first(items: Iterable[Ordered], count: int, place: Callable[[Ordered], Hashable]) -> list[Ordered]:
     """The items of the first so many places."""
+    items = list(items)
     kept = list(dict.fromkeys(map(place, items)))[:count]
     return [item for item in items if place(item) in kept]
 
@@ -215,10 +222,14 @@ def _converged(
     rough: Sequence[Scored],
     promises: Mapping[tuple[str, int], float],
     finals: int,
+    known: Array,
+    look: Glance | None,
 ) -> list[Scored]:
     """The hypotheses in order of their evidence, the first ones fitted until they have converged.
 
     promises: by effect and joint, in the filtered view; a first fit that stopped short of its promise is carried on.
+    known: sensitivities (K, T, n) of the base. look: a part of the samples that is enough to tell whether a hypothesis
+    comes near the best one, if any; only those that do are fitted to all samples.
     """
     hoped = lambda s: max(s.decrease, HOPE * promises.get((s.name, s.start.hypothesis.joint), 0.0))  # noqa: E731
     likeliest: dict[tuple[str, int], Scored] = {}
@@ -226,6 +237,15 @@ def _converged(
         likeliest.setdefault((scored.name, scored.start.hypothesis.joint), scored)
 
     def continued(scored: Scored) -> Scored:
+        hypothesis = scored.start.hypothesis
+        if look is not None and scored.decrease < close:
+            point = seen_in_part(problem, base, hypothesis, scored.fitted, look)
+            if point is not None:
+                part = fit(look.problem, point, rounds=2, iterations=4, tolerance=1e-4)
+                other = scored.refitted(base, on_all_samples(problem, base, hypothesis, part, known))
+                scored = max(scored, other, key=lambda s: s.decrease)
+                if scored.decrease < close:
+                    return scored
         fitted = fit(problem, scored.fitted.point, scored.fitted.whitener, rounds=2, iterations=4)
         return scored.refitted(base, fitted)
 
@@ -233,7 +253,7 @@ def _converged(
     leading = {law(s.start): s for s in reversed(order)}  # of the forms that the logs can show, if there are any
     leading |= {law(s.start): s for s in reversed(order) if is_resolved(problem, s)}
     order = [s for s in order if hoped(s) - s.price >= FORM * (hoped(leading[law(s.start)]) - s.price)]
-    least = CHANCE * max((s.decrease for s in order), default=0.0)
+    least, close = (share * max((s.decrease for s in order), default=0.0) for share in (CHANCE, CLOSE))
     final = each(continued, [s for s in order if hoped(s) >= least])
     top = max((scored.decrease for scored in final), default=0.0)
     best_form = {law(s.start): s for s in sorted(final, key=lambda s: s.evidence)}.values()

@@ -51,6 +51,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from envs.log import Array
 from methods.effects.base import Effect
 from methods.joint_equation import network_value
 from methods.parallel import each, workers
@@ -96,6 +97,15 @@ LANE_ROWS = (
 stages, in the same order, then what the lanes need once; those of the parameters follow."""
 STANDING = ("INERTIA", "LOAD", "GRAVITY_SINE", "GRAVITY_COSINE")
 """Nominal parameters that lanes read where they stand among the others."""
+IN_LANES = {
+    "math.sin(": "_sine(",
+    "math.cos(": "_cosine(",
+    "math.exp(": "_exponential(",
+    "math.tanh(": "_hyperbolic_tangent(",
+    "math.pow(abs(": "_power(abs(",
+}
+"""Functions in effects that the template replaces by arithmetic of its own, of which all lanes have their share at
+once."""
 STRUCTURAL = {
     "amplifier_lag": "LAG",
     "input_delay": "DELAY",
@@ -197,7 +207,7 @@ class Kernel:
         bounds = np.array([0, len(signals[0])])
         model = (start[None, None], parameters[None, None], on[None], pair, rigid[None])
         self._in_lanes(
-            *signals, extra, bounds, *model, leak, rate_leak, substeps, out[None], motion[None, :, 0], 0, 0, 1
+            *signals, extra, bounds, *model, leak, rate_leak, substeps, out[None], motion[None, :, 0], 0, 1, 0, 1
         )
 
     def _in_lanes(self, *arguments: Any) -> None:
@@ -220,14 +230,39 @@ class Kernel:
         """The generated function of the same name, its C L runs spread over all cores."""
         command, neighbour, bounds, parameters, pair = (arguments[i] for i in (1, 5, 7, 9, 11))
         count, logs, joints = len(parameters), len(bounds) - 1, command.shape[1]
-        if joints == 1 or (pair and joints == 2 and not len(neighbour)):
-            shares = np.linspace(0, count, -(-count * joints // LANES) + 1).astype(int)
-            tasks = [(log, *span) for log in range(logs) for span in pairwise(shares.tolist())]
-            nothing = np.zeros((0, 0, 3))
+        nothing = np.zeros((0, 0, 3))
+        if joints == 1:
+            alike = [(log, 1) for log in range(logs)] if len(neighbour) else same_instants(arguments[0], bounds)
+            tasks = [(*own, *span) for own in alike for span in shares(own[1] * count, LANES)]
             each(lambda task: self._in_lanes(*arguments, nothing, *task), tasks)
             return
-        shares = np.linspace(0, count * logs, min(count * logs, 2 * workers()) + 1).astype(int)
-        each(lambda span: self.module.batch(*arguments, *span), pairwise(shares.tolist()))
+        if pair and joints == 2 and not len(neighbour):
+            tasks = [(log, *span) for log in range(logs) for span in shares(count, LANES // 2)]
+            each(lambda task: self._in_lanes(*arguments, nothing, *task), tasks)
+            return
+        spans = np.linspace(0, count * logs, min(count * logs, 2 * workers()) + 1).astype(int)
+        each(lambda span: self.module.batch(*arguments, *span), pairwise(spans.tolist()))
+
+
+def shares(count: int, most: int) -> list[tuple[int, int]]:
+    """First and last of as few spans of so many things as hold `most` each at most."""
+    return list(pairwise(np.linspace(0, count, -(-count // most) + 1).astype(int).tolist()))
+
+
+def same_instants(time: Array, bounds: np.ndarray) -> list[tuple[int, int]]:
+    """First log, and how many from there on have the same instants as far as they go, of all logs."""
+    found: list[tuple[int, int]] = []
+    longest = time[:0]
+    for log, (a, b) in enumerate(pairwise(bounds.tolist())):
+        own = time[a:b]
+        both = min(len(own), len(longest))
+        if both and np.array_equal(own[:both], longest[:both]):
+            found[-1] = found[-1][0], found[-1][1] + 1
+            longest = max(own, longest, key=len)
+        else:
+            found.append((log, 1))
+            longest = own
+    return found
 
 
 def build(effects: Sequence[Effect]) -> Kernel:
@@ -271,7 +306,8 @@ def _source(kernel: Kernel) -> str:
         name = f"_{effect.name}"
         text = inspect.getsource(effect.function)
         text = text.replace(f"def {effect.function.__name__}(", f"def {name}(", 1)
-        text = text.replace("math.sin(", "_sine(").replace("math.cos(", "_cosine(")
+        for function, own in IN_LANES.items():
+            text = text.replace(function, own)
         functions.append("@njit(cache=True, forceinline=True, error_model='numpy')\n" + text)
         start = kernel.offsets[effect.name]
         line = call[slot_of(effect)].format(f=name, o=start, e=start + effect.size)
@@ -282,7 +318,7 @@ def _source(kernel: Kernel) -> str:
             loop = f"elif to[{column}]:\n            for l in range(since[{column}], to[{column}]):\n"
             loop += f"                if on[l, {column}]:\n"
             loop += " " * 20 + line
-            if "_sine(" in text or "_cosine(" in text:  # worth the machine code of a loop without branches
+            if any(own in text for own in IN_LANES.values()):  # worth the machine code of a loop without branches
                 line = lanes[slot_of(effect)].format(
                     f=name, p=f"({''.join(f'S[{lane_row(c)} + l], ' for c in places)})"
                 )
@@ -312,6 +348,8 @@ def _source(kernel: Kernel) -> str:
     rippling = kernel.offsets.get("torque_ripple_reciprocal", 0)
     constants += [f"RIPPLE_{part}_ = {lane_row(rippling + i)}" for i, part in enumerate(("SINE", "COSINE", "CYCLES"))]
     constants += [f"ELECTRICAL_RATE, MOBILITY, STEP = {kernel.columns}, {kernel.columns + 1}, {kernel.columns + 2}"]
+    yielding = kernel.offsets.get("constrained_coulomb_friction", 0)
+    constants += [f"YIELD_{part}_ = {lane_row(yielding + i)}" for i, part in enumerate(("LEVEL", "TIME", "SHARE"))]
     for effect_name, symbol in STRUCTURAL.items():
         constants.append(f"{symbol} = {kernel.switches.get(effect_name, -1)}")
         constants.append(f"{symbol}_P = {kernel.offsets.get(effect_name, 0)}")
@@ -330,6 +368,8 @@ Q, DQ, W, A, HEAT, QL, DQL = range(7)
 OTHER, LAGGING, PROMPT = range(3)  # how the motors of all lanes follow their command
 ONE_BODY, SPRING, PLAY_BETWEEN = 1, 2, 3  # what these motors move
 LIGHT, HEAVY = 1, 2  # whether the arm's position resists, and whether by its weight
+BITS = 4503599627370496.0  # 2^52: the last bits of the sum with a whole number are those of this number
+SQUARE_ROOT_OF_HALF = 0x3FE6A09E667F3BCD  # its bits
 ROUNDED = 6755399441055744.0  # 1.5 * 2^52: what is left of a number after adding and subtracting it is whole
 SMALL = 1e-3  # share of the inertia behind a spring or a play from which the weight of the arm hangs on it
 
@@ -367,6 +407,48 @@ def _cosine(x):
     """Cosine of an angle of up to 1e8 rad."""
     s, c, odd, half = _turned(x)
     return (1.0 - 2.0 * (half + odd - 2.0 * half * odd)) * (odd * s + (1.0 - odd) * c)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _exponential(x):
+    """e^x of a number between -708 and 709, beyond which it stays as it is there; arithmetic alone, as `_turned`: a
+    power of two, and the Cephes library's quotient for what is left over it."""
+    x = min(max(x, -708.0), 709.0)
+    n = (x * 1.44269504088896338700 + ROUNDED) - ROUNDED
+    r = (x - n * 6.93145751953125e-1) - n * 1.42860682030941723212e-6
+    z = r * r
+    a = r * ((1.26177193074810590878e-4 * z + 3.02994407707441961300e-2) * z + 9.99999999999999999910e-1)
+    b = ((3.00198505138664455042e-6 * z + 2.52448340349684104192e-3) * z + 2.27265548208155028766e-1) * z + 2.0
+    power = np.int64(np.float64(n + 1023.0 + BITS).view(np.int64) << 52).view(np.float64)
+    return (1.0 + 2.0 * a / (b - a)) * power
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _logarithm(x):
+    """ln x of a positive number, about -709 of zero; arithmetic alone: an exponent, and a series in
+    (m - 1) / (m + 1) of what is left over it."""
+    bits = np.float64(max(x, 2.2250738585072014e-308)).view(np.int64)
+    shift = (bits - SQUARE_ROOT_OF_HALF) >> 52  # m lies between the square roots of 1/2 and 2
+    m = np.int64(bits - (shift << 52)).view(np.float64)
+    s = (m - 1.0) / (m + 1.0)
+    z = s * s
+    c = 1.0 / 19.0
+    c = ((((c * z + 1.0 / 17.0) * z + 1.0 / 15.0) * z + 1.0 / 13.0) * z + 1.0 / 11.0) * z + 1.0 / 9.0
+    c = (((c * z + 1.0 / 7.0) * z + 1.0 / 5.0) * z + 1.0 / 3.0) * z
+    return shift * 6.93147180559945309417e-1 + (2.0 * s + 2.0 * s * c)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _power(x, y):
+    """x^y of a number that is not negative."""
+    return _exponential(y * _logarithm(x))
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _hyperbolic_tangent(x):
+    """tanh x, to 1e-16 of one."""
+    size = 1.0 - 2.0 / (_exponential(2.0 * abs(x)) + 1.0)
+    return (1.0 * (x > 0.0) - 1.0 * (x < 0.0)) * size
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -829,7 +911,12 @@ def _bristled(on):
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _bristle(z, dq, h, p, on):
-    """Exact flow of the bristle at constant velocity: (mean torque over the step, deflection at the end)."""
+    """Torque over a step and deflection at its end, by the exact flow of the bristle at the velocity dq before it.
+
+    Deflections that follow velocities at the beginnings of steps are half a step late, and the middle of a step is
+    another half later than they: the torque is that of the deflection at the end (symplectic Euler, which neither
+    damps nor drives what swings on the bristles).
+    """
     general = DAHL >= 0 and on[DAHL]
     falling = LUGRE >= 0 and on[LUGRE]
     first = DAHL_P if general else (LUGRE_P if falling else BRISTLE_P)
@@ -842,13 +929,11 @@ def _bristle(z, dq, h, p, on):
     final = math.copysign(top, dq)
     rate = abs(dq) * h / top
     change = (final - z) * (1.0 - math.exp(-rate))
-    mean = final + (z - final) * (1.0 - math.exp(-rate)) / rate
     if general and abs(p[DAHL_P + 3] - 1.0) > 1e-6:  # y = 1 - z / final falls by y' = -y^exponent
         power = 1.0 - p[DAHL_P + 3]
         y = max(1.0 - z / final, 1e-12)
         change = final - z - final * max(y**power - power * rate, 0.0) ** (1.0 / power)
-        mean = z + 0.5 * change
-    return stiffness * (mean + p[first + 2] * change / h), z + change
+    return stiffness * (z + change + p[first + 2] * change / h), z + change
 
 
 @njit(cache=True, error_model='numpy')
@@ -1044,16 +1129,16 @@ def compensated(networks, first, last, t, u, cumulative, hold, y, x, extra, S, z
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _begin_lanes(starts, u, P, on, h, S, p, has, parted):
+def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
     """Parameters p (n, columns + 3), first states S, which slots have any effect and whether there is a spring or a
-    play; returns how many of these. Spare lanes stay zero."""
+    play; returns how many of these. Spare lanes stay zero. The log of a lane begins at row begins[l] of u (T,)."""
     n, springs, plays = len(P), 0, 0
     resolved = _resolved(P, h)
     for l in range(n):
         p[l] = resolved[l]
         S[Q_ + l], S[QL_ + l] = _sides(starts[l, 0], p[l], on[l])
         S[DQ_ + l] = S[DQL_ + l] = starts[l, 1]
-        S[W_ + l], S[LAG_ + l] = starts[l, 2], u
+        S[W_ + l], S[LAG_ + l] = starts[l, 2], u[begins[l]]
         S[MOBILITY_ + l] = p[l, MOBILITY]
         S[VISCOUS_ + l], S[EMF_ + l] = p[l, VISCOUS], p[l, BACK_EMF]
         S[ELECTRICAL_ + l] = p[l, ELECTRICAL_RATE]
@@ -1139,7 +1224,11 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
         #torque_lanes#
         for l in range(LANES):
             S[R_ + l] -= S[SUM_ + l]
-    if YIELD >= 0 and any_on[YIELD]:
+    if YIELD >= 0 and all_on[YIELD]:
+        for l in range(LANES):
+            wanted = S[YIELD_SHARE_ + l] * (S[R_ + l] + S[INERTIA_ + l] * S[DQS_ + l] / S[YIELD_TIME_ + l])
+            S[R_ + l] -= min(max(wanted, -S[YIELD_LEVEL_ + l]), S[YIELD_LEVEL_ + l])
+    elif YIELD >= 0 and any_on[YIELD]:
         for l in range(n):
             S[R_ + l] = _yielded(S[R_ + l], S[DQS_ + l], p[l], on[l])
     if has[3]:
@@ -1299,17 +1388,23 @@ def _stopping_pairs(S):
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
-def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak, rate_leak, substeps, out, motion,
-              rigid):
+def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, starts, P, switches, leak, rate_leak,
+              substeps, out, motion, rigid):
     """`run` for a single joint and up to LANES candidates at once that take the same steps, `substeps` per sample; or,
     with the constants `rigid` (HALF, 3), for HALF candidates of a planar pair, joint 1 of them in the first lanes.
 
-    u, y (T, joints); hold (joints,); x (T, 3 + R) or (0, 3); extra_in (n, T) or (0, 0); starts (n, 3); P (n, columns);
-    switches (n, effects); out (n, T); motion (n, T, 3): angle, velocity, motor torque (or empty). A candidate's states
-    lie in the same lanes of every row of S, so that one instruction moves them all; what becomes of one candidate does
-    not depend on the others.
+    Each runs along one of several logs with the same instants, as far as they go: t (T,), the longest; the log of lane
+    l is rows begins[l] to begins[l] + lengths[l] of u, y (R, joints) and x (R, 3 + A), or (0, 3), which holds for a
+    single log only, and of out[rows[l]], extra_in[rows[l]] (C, R), or (0, 0), and motion[rows[l]] (C, R, 3): angle,
+    velocity, motor torque (or empty). hold (joints,); starts (n, 3); P (n, columns); switches (n, effects).
+    A candidate's states lie in the same lanes of every row of S, so that one instruction moves them all; what becomes
+    of one candidate does not depend on the others.
     """
-    n, T = out.shape
+    n, T = len(rows), len(t)
+    together, origin, ends_at = True, np.full(LANES, begins[0]), np.full(LANES, lengths[0])
+    for l in range(n):  # spare lanes go along with the first one
+        origin[l], ends_at[l] = begins[l], lengths[l]
+        together = together and begins[l] == begins[0]
     euler = P[0, STEPPING] > 0.0
     on, own = switches, np.zeros((n, 4), dtype=np.bool_)
     since, to = np.zeros(switches.shape[1], dtype=np.int64), np.zeros(switches.shape[1], dtype=np.int64)
@@ -1324,7 +1419,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
     all_on = #common#
     any_on = #union#  # numbers instead of an array: the compiler keeps them at hand
     S, p, parted = np.zeros(ROWS * LANES), np.zeros((n, STEP + 1)), np.zeros(n, dtype=np.bool_)
-    springs, plays = _begin_lanes(starts, u[0, 0], P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
+    springs, plays = _begin_lanes(starts, u[:, 0], begins, P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
     slots = np.zeros(4, dtype=np.bool_)
     _present(union, slots)
     has = (slots[0], slots[1], slots[2], slots[3])
@@ -1355,26 +1450,32 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
             ends = SPRING
         elif plays == n and not (PLAY_POWER >= 0 and any_on[PLAY_POWER]):
             ends = PLAY_BETWEEN
-    u_other, cumulative_other = u[:, 0], cumulative[:, 0]
+    lo, hi = begins[0], begins[0] + lengths[0]
+    u_one, cumulative_one = u[lo:hi, 0], cumulative[lo:hi, 0]
+    u_other, cumulative_other = u_one, cumulative_one
     if rigid is not None:  # gravity of a pair is not that of its joints, and its transmissions are stiff
         split, senses, weighs = False, _sensing(any_on), LIGHT if weighs else 0
         direct = direct and hold[1] == 0
-        u_other, cumulative_other = u[:, 1], cumulative[:, 1]
+        u_other, cumulative_other = u[lo:hi, 1], cumulative[lo:hi, 1]
         for l in range(HALF):
-            S[LAG_ + HALF + l] = u[0, 1]
+            S[LAG_ + HALF + l] = u[begins[0], 1]
             S[COUPLING_ + l], S[RATIO_ + l], S[SHARED_ + l] = rigid[l, 0], rigid[l, 1], rigid[l, 2]
-    u_one, cumulative_one = u[:, 0], cumulative[:, 0]
-    with_x, with_extra = x.shape[0] == T, extra_in.shape[0] > 0
+    with_x, with_extra = x.shape[0] > 0, extra_in.shape[0] > 0
     lasted = np.full(LANES, T)
     resting = stopped = False
     t0, before, pull, alive, late, mean, rise = t[0], 0.0, 0.0, n, 0.0, 0.0, 0.0
     xs = (0.0, 0.0, 0.0)
     for k in range(T):
-        for l in range(LANES):
-            S[READING_ + l], S[COMMAND_ + l] = y[k, 0], u_one[k]
+        if together:
+            for l in range(LANES):
+                S[READING_ + l], S[COMMAND_ + l] = y[lo + k, 0], u_one[k]
+        else:
+            for l in range(LANES):
+                own_row = origin[l] + min(k, ends_at[l] - 1)
+                S[READING_ + l], S[COMMAND_ + l] = y[own_row, 0], u[own_row, 0]
         if rigid is not None:
             for l in range(HALF, LANES):
-                S[READING_ + l], S[COMMAND_ + l] = y[k, 1], u_other[k]
+                S[READING_ + l], S[COMMAND_ + l] = y[lo + k, 1], u_other[k]
         if senses:
             for l in range(n):
                 behind = rigid is None and _load_side(on[l])
@@ -1383,9 +1484,13 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
             for l in range(LANES):
                 S[ERROR_ + l] = S[READING_ + l] - S[Q_ + l]
         for l in range(n):
-            out[l, k] = S[ERROR_ + l]
-        for l in range(motion.shape[0]):
-            motion[l, k, 0], motion[l, k, 1], motion[l, k, 2] = S[Q_ + l], S[DQ_ + l], S[W_ + l]
+            if k < ends_at[l]:
+                out[rows[l], origin[l] + k] = S[ERROR_ + l]
+        for l in range(n if motion.shape[0] > 0 else 0):
+            if k < ends_at[l]:
+                place = origin[l] + k
+                motion[rows[l], place, 0], motion[rows[l], place, 1] = S[Q_ + l], S[DQ_ + l]
+                motion[rows[l], place, 2] = S[W_ + l]
         if k == T - 1:
             break
         dt = t[k + 1] - t[k]
@@ -1403,14 +1508,14 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                         S[DQL_ + l] += rate_leak * dt * S[ERROR_ + l]
         if with_extra:
             for l in range(n):
-                S[OUTER_ + l] = extra_in[l, k]
+                S[OUTER_ + l] = extra_in[rows[l], origin[l] + min(k, ends_at[l] - 1)]
         if with_x:
-            xs = (x[k, 0], x[k, 1], x[k, 2])
+            xs = (x[lo + k, 0], x[lo + k, 1], x[lo + k, 2])
             if x.shape[1] > 3:
                 for l in range(n):
-                    outer = extra_in[l, k] if with_extra else 0.0
+                    outer = extra_in[rows[l], lo + k] if with_extra else 0.0
                     for i in range(3, x.shape[1]):
-                        outer += p[l, ARM + i - 3] * x[k, i]
+                        outer += p[l, ARM + i - 3] * x[lo + k, i]
                     S[OUTER_ + l] = outer
         h = dt / substeps
         per_step = 1.0 / h
@@ -1424,12 +1529,17 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
                     S[U_ + l] = S[COMMAND_ + l]
             else:
                 for l in range(n):
-                    if l == 0 or S[LATE_ + l] != late or (rigid is not None and l == HALF):
+                    if l == 0 or S[LATE_ + l] != late or (rigid is not None and l == HALF) or (
+                            not together and origin[l] != origin[l - 1]):
                         late = S[LATE_ + l]
                         if rigid is not None and l >= HALF:
                             mean, rise = _amplifier(k, i, substeps, late / dt, hold[1], u_other, cumulative_other)
-                        else:
+                        elif together:
                             mean, rise = _amplifier(k, i, substeps, late / dt, hold[0], u_one, cumulative_one)
+                        else:
+                            a, b = origin[l], origin[l] + ends_at[l]
+                            mean, rise = _amplifier(min(k, ends_at[l] - 1), i, substeps, late / dt, hold[0], u[a:b, 0],
+                                                    cumulative[a:b, 0])
                     S[MEAN_ + l], S[RISE_ + l] = mean, 0.0 if euler and not altered else rise
                 for l in range(n if altered else 0):
                     if not (own[l, 0] or (LAG >= 0 and on[l, LAG])):
@@ -1585,35 +1695,49 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, starts, P, switches, leak,
         if alive == 0:
             break
     for l in range(n):
-        out[l, lasted[l]:] = 1e6
+        for k in range(lasted[l], ends_at[l]):
+            out[rows[l], origin[l] + k] = 1e6
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
 def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out,
-              motion, log, first, last):
-    """Candidates first to last of a single joint on one log, in lanes as far as they take the same steps and have the
-    same transmission: a mixture of these would be simulated one by one.
+              motion, log, logs, first, last):
+    """Runs first to last of all those of a single joint's candidates on so many logs from `log` on, which have the same
+    instants as far as they go: all candidates on one log, then on the next. In lanes as far as they take the same steps
+    and have the same transmission: a mixture of these would be simulated one by one.
 
     Shapes as those of `batch`; motion (C, T, 3) or empty.
     """
-    lo, hi = bounds[log], bounds[log + 1]
-    dt = t[lo + 1] - t[lo]
-    xo = x[lo:hi, 0] if x.shape[0] > 0 else np.zeros((0, 3))
+    count = len(P)
+    rows, begins = np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
+    lengths = np.zeros(LANES, dtype=np.int64)
+    begin, own = np.zeros((LANES, 3)), np.zeros((LANES, P.shape[3]))
+    switches = np.zeros((LANES, on.shape[2]), dtype=np.bool_)
+    dt = t[bounds[log] + 1] - t[bounds[log]]
+    xo = x[:, 0] if x.shape[0] > 0 else np.zeros((0, 3))
+    eo = extra[:, :, 0] if extra.shape[0] > 0 else np.zeros((0, 0))
     a = first
     while a < last:
-        steps, stepping = _steps(P[a : a + 1, log, 0], on[a : a + 1, 0], dt, substeps), P[a, log, 0, STEPPING] > 0.0
-        b = a + 1
-        while (
-            b < last and b < a + LANES and (P[b, log, 0, STEPPING] > 0.0) == stepping
-            and _flexible(on[b, 0]) == _flexible(on[a, 0]) and _playing(on[b, 0]) == _playing(on[a, 0])
-            and _steps(P[b : b + 1, log, 0], on[b : b + 1, 0], dt, substeps) == steps
-        ):
-            b += 1
-        eo = extra[a:b, lo:hi, 0] if extra.shape[0] > 0 else np.zeros((0, 0))
-        run_lanes(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], xo, eo, starts[a:b, log, 0],
-                  P[a:b, log, 0], on[a:b, 0], leak, rate_leak, steps, out[a:b, lo:hi, 0],
-                  motion[a:b, lo:hi], None)
-        a = b
+        n, longest, steps = 0, log + a // count, 0
+        while a + n < last and n < LANES:
+            c, its_log = (a + n) % count, log + (a + n) // count
+            model = on[c, 0]
+            if n == 0:
+                steps = _steps(P[c : c + 1, its_log, 0], on[c : c + 1, 0], dt, substeps)
+            elif not (
+                (P[c, its_log, 0, STEPPING] > 0.0) == (own[0, STEPPING] > 0.0)
+                and _flexible(model) == _flexible(switches[0]) and _playing(model) == _playing(switches[0])
+                and _steps(P[c : c + 1, its_log, 0], on[c : c + 1, 0], dt, substeps) == steps
+            ):
+                break
+            rows[n], begins[n], lengths[n] = c, bounds[its_log], bounds[its_log + 1] - bounds[its_log]
+            begin[n], own[n], switches[n] = starts[c, its_log, 0], P[c, its_log, 0], on[c, 0]
+            if lengths[n] > bounds[longest + 1] - bounds[longest]:
+                longest = its_log
+            n += 1
+        run_lanes(t[bounds[longest] : bounds[longest + 1]], u, cumulative, hold, y, xo, eo, rows[:n], begins[:n],
+                  lengths[:n], begin[:n], own[:n], switches[:n], leak, rate_leak, steps, out[:, :, 0], motion, None)
+        a += n
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
@@ -1627,6 +1751,7 @@ def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair,
     T, dt = hi - lo, t[lo + 1] - t[lo]
     row, own = np.zeros((LANES, P.shape[3])), np.zeros((LANES, on.shape[2]), dtype=np.bool_)
     begin, constants, errors = np.zeros((LANES, 3)), np.zeros((HALF, 3)), np.zeros((LANES, T))
+    rows, begins, lengths = np.arange(LANES), np.zeros(LANES, dtype=np.int64), np.full(LANES, T)
     outer = np.zeros((LANES if extra.shape[0] > 0 else 0, T if extra.shape[0] > 0 else 0))
     a = first
     while a < last:
@@ -1643,8 +1768,8 @@ def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair,
             constants[l % HALF] = rigid[candidate]
             if extra.shape[0] > 0:
                 outer[l] = extra[candidate, lo:hi, joint]
-        run_lanes(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], np.zeros((0, 3)), outer, begin, row, own, leak,
-                  rate_leak, steps, errors, motion[:, lo:hi], constants)
+        run_lanes(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], np.zeros((0, 3)), outer, rows, begins,
+                  lengths, begin, row, own, leak, rate_leak, steps, errors, motion, constants)
         for candidate in range(a, b):
             for joint in range(2):
                 out[candidate, lo:hi, joint] = errors[candidate - a + joint * HALF]

@@ -10,7 +10,7 @@ import pytest
 
 from methods.effects import vocabulary
 from methods.effects.base import Scales
-from methods.kernel import LANES, NOMINAL, SHAPES, Kernel, build
+from methods.kernel import LANES, NOMINAL, SHAPES, Kernel, build, same_instants
 
 KERNEL: Kernel = build(tuple(vocabulary()))
 SIZES = Scales(
@@ -143,6 +143,36 @@ def test_torques_from_outside_and_an_observer_of_the_velocity(arm: bool) -> None
     found = batched(parameters, switches, starts, outside=True, arm=arm)
     assert np.array_equal(found, one_by_one(parameters, switches, starts, outside=True, arm=arm))
     assert np.max(np.abs(found - batched(parameters, switches, starts))) > 1e-3
+
+
+@pytest.mark.parametrize(("effects", "hold"), [(0, 0), (1, 0), (2, 1)])
+def test_logs_share_lanes_where_their_instants_are_the_same_as_far_as_they_go(effects: int, hold: int) -> None:
+    lengths, count, rng = (300, 700, 451, 400), LANES + 3, np.random.default_rng(11)
+    steps = (1.0, 1.0, 1.0, 0.9)  # the last one's are others
+    time = np.concatenate([0.002 * step * np.arange(n) for step, n in zip(steps, lengths, strict=True)])
+    bounds = np.cumsum([0, *lengths])
+    assert same_instants(time, bounds) == [(0, 3), (3, 1)]
+    command = (6.0 * np.sin(9.0 * time + np.arange(len(time)) // 350))[:, None]
+    cumulative, reading = np.zeros_like(command), 0.5 * np.sin(9.0 * time)[:, None]
+    for a, b in pairwise(bounds):
+        levels = command[a : b - 1] if hold == 0 else 0.5 * (command[a : b - 1] + command[a + 1 : b])
+        cumulative[a + 1 : b] = np.cumsum(levels, axis=0)
+    one, switches, _ = candidates(count, 12, effects)
+    parameters = np.concatenate([one, one], axis=1) * rng.uniform(0.9, 1.0, (count, 4, 1, 1))
+    parameters[3, 1, 0, 0] = -1e-4  # runs away
+    parameters[..., NOMINAL.index("stepping")] = 0.0
+    starts, extra = rng.normal(0.0, 0.1, (count, 4, 1, 3)), rng.normal(size=(count, len(time), 1))
+    signals, none = (time, command, cumulative, np.array([hold]), reading), np.zeros((0, 1, 3))
+    lanes, alone = np.empty((2, count, len(time), 1))
+    tail = (20.0, 0.0, 1)
+    KERNEL.batch(*signals, none, extra, bounds, starts, parameters, switches, False, np.zeros((count, 3)), *tail, lanes)
+    for c in range(count):
+        for log, (a, b) in enumerate(pairwise(bounds)):
+            cut = (*(x[a:b] for x in signals[:3]), signals[3], reading[a:b], none, extra[c, a:b], starts[c, log])
+            model = (parameters[c, log], switches[c], False, np.zeros(3))
+            KERNEL.module.run(*cut, *model, *tail, alone[c, a:b], none)
+    assert np.array_equal(lanes, alone)
+    assert np.any(lanes == 1e6)
 
 
 def pairs(count: int, seed: int, effects: int) -> tuple[np.ndarray, ...]:

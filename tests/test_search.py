@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from diagnosis.engine import (
+    UNDERSTATED,
     Accepted,
     Finding,
     Path,
@@ -21,8 +22,9 @@ from diagnosis.engine import (
     find,
     firm_ground_first,
     is_steady,
+    is_too_small,
+    least_beside,
     materiality,
-    may_repair,
     merged,
     merged_afterwards,
     much_closer,
@@ -743,11 +745,40 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     limits = Settings(relevant=1.5 * share)
     assert choose(problem, [offset], limits, explained, (there(0, "velocity"),)) is not None
     assert choose(problem, [offset], limits, explained, (there(0, "direction", True),)) is None
-    wave = replace(offset, start=replace(offset.start, hypothesis=Hypothesis(NAMED["cogging_torque"], 0)))
-    assert may_repair(wave, (there(0, "position"),), Settings())  # type: ignore[arg-type]
-    assert not may_repair(wave, (there(0, "motor torque"),), Settings())  # type: ignore[arg-type]
-    assert may_repair(wave, (there(0, "motor torque"),), Settings(weak=1e9))  # type: ignore[arg-type]
-    assert may_repair(offset, (there(0, "motor torque"),), Settings())  # type: ignore[arg-type]
+    wave = NAMED["cogging_torque"]
+    least = lambda effect, variable, evidence: least_beside(  # noqa: E731
+        effect, 0, evidence, (there(0, variable),), Settings()  # type: ignore[arg-type]
+    )
+    assert least(wave, "position", 1e3) == 0.5 * Settings().relevant
+    assert least(wave, "motor torque", 1e3) == Settings().material
+    assert least(wave, "motor torque", 50.0) == 0.5 * Settings().relevant
+    assert least(NAMED["amplifier_offset"], "motor torque", 1e3) == 0.5 * Settings().relevant
+
+
+def test_what_a_regression_says_is_too_small_is_not_fitted() -> None:
+    beside = (SimpleNamespace(joint=0, effect=NAMED["coulomb_friction"]),)
+    start = lambda promise, share: Start(  # noqa: E731
+        Hypothesis(NAMED["quadratic_drag"], 0), np.zeros((1, 1)), promise, share=share
+    )
+    told = lambda promise, share: is_too_small(beside, Settings(), 1e4, start(promise, share))  # type: ignore[arg-type]  # noqa: E731
+    least = 0.5 * Settings().relevant
+    assert told(20.0, 0.9 * least / UNDERSTATED)
+    assert not told(20.0, 1.1 * least / UNDERSTATED)
+    assert not told(1.1e3 / UNDERSTATED, 1e-6)  # it explains so much that its size is not asked
+    assert not told(20.0, np.inf)  # nothing tells its size
+    problem = problem_of({"amplifier_offset": {"voltage": 2e-3}})
+    nominal, effect = fit_nominal(problem, (JointStructure(),)), NAMED["amplifier_offset"]
+    [[proposed]] = proposals(problem, [View.of(problem, nominal)], [(effect, 0)], sizes_of(problem, nominal))
+    found = accepted(problem, nominal, "amplifier_offset", [2e-3]).scored.fitted
+    assert proposed.share == pytest.approx(materiality(problem, found, "amplifier_offset", 0), rel=0.1)
+
+
+def test_nothing_that_is_too_small_is_fitted_by_a_search() -> None:
+    problem = problem_of({"amplifier_offset": {"voltage": 2e-3}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    wanted = [(NAMED["amplifier_offset"], 0)]
+    assert [s.name for s in try_all(problem, nominal, wanted)] == ["amplifier_offset"]
+    assert not try_all(problem, nominal, wanted, is_hopeless=lambda start: start.share < 1.0)
 
 
 def test_the_floor_by_imitation_is_that_of_the_noise_and_of_what_short_logs_leave_uncertain() -> None:

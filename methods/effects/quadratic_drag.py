@@ -3,6 +3,7 @@
 Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, section 9 (friction polynomials).
 """
 
+import math
 from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter
@@ -30,7 +31,7 @@ EFFECT = Effect(
 
 def power(t, q, dq, w, x, p):
     """coefficient |dq|^(exponent - 1) dq."""
-    return p[0] * abs(dq) ** (p[1] - 1.0) * dq
+    return p[0] * math.pow(abs(dq), p[1] - 1.0) * dq
 
 
 POWER = replace(

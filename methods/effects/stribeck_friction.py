@@ -12,7 +12,7 @@ from methods.effects.coulomb_friction import ROUNDING, turns_slowly
 
 def friction(t, q, dq, w, p):
     """torque + excess exp(-|dq / velocity|^exponent)."""
-    return p[0] + p[1] * math.exp(-(abs(dq / p[2]) ** p[3]))
+    return p[0] + p[1] * math.exp(-math.pow(abs(dq / p[2]), p[3]))
 
 
 EFFECT = Effect(
@@ -47,7 +47,7 @@ def rounded(t, q, dq, w, x, p):
 
     The rounding is at most the velocity: beyond that there is no peak that friction falls from.
     """
-    return (p[0] + p[1] * math.exp(-(abs(dq / p[2]) ** p[3]))) * math.tanh(dq / min(p[4], p[2]))
+    return (p[0] + p[1] * math.exp(-math.pow(abs(dq / p[2]), p[3]))) * math.tanh(dq / min(p[4], p[2]))
 
 
 ROUNDED = replace(

@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from diagnosis.estimation import Fitted, covariance, errors, fit, plain
+from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, distances, hopped
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, command_response, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
@@ -417,7 +418,7 @@ class Search:
         accepted, chosen = merged(problem, accepted, chosen, settings)
         accepted.append(chosen)
         base = limits_settled(problem, chosen.scored.fitted, self.structures)
-        base = timing_settled(problem, windings_settled(problem, base))
+        base = following_settled(problem, timing_settled(problem, windings_settled(problem, base)))
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)

@@ -67,9 +67,7 @@ def seen_in_part(problem: Problem, base: Fitted, hypothesis: Hypothesis, fitted:
     values = np.repeat(fitted.point.parameters[:1, joint, problem.kernel.own(effect)], look.problem.logs, axis=0)
     point = extend(look.problem, look.views[0].fitted.point, hypothesis, values)
     found = dict(zip((f.name for f in fitted.point.free), fitted.point.vector, strict=True))
-    return point.within(
-        np.array([found.get(f.name, value) for f, value in zip(point.free, point.vector, strict=True)])
-    )
+    return point.within(np.array([found.get(f.name, value) for f, value in zip(point.free, point.vector, strict=True)]))
 
 
 def on_all_samples(

@@ -90,6 +90,8 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
     effect, j = hypothesis.effect, hypothesis.joint
     offset = problem.kernel.offsets[effect.name]
     parameters, switches = point.parameters.copy(), point.switches.copy()
+    if is_wave(effect) and not any(map(is_wave, compress(problem.kernel.effects, switches[j]))):
+        parameters[:, j, NOMINAL.index("following")] = 1.0
     parameters[:, j, problem.kernel.own(effect)] = values
     switches[j, problem.kernel.switches[effect.name]] = True
     if hypothesis.log >= 0:
@@ -120,6 +122,12 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
             )
         )
     return replace(point, parameters=parameters, switches=switches, free=tuple(free))
+
+
+def is_wave(effect: Effect) -> bool:
+    """Whether an effect is a wave over the position that acts on the joint: where it is on the wave has to be known
+    better than models predict it that noise drives away, so that its position follows the readings."""
+    return effect.scan == "position" and effect.slot != "sensor"
 
 
 def withdraw(problem: Problem, point: Point, name: str, joint: int) -> Point:
@@ -263,11 +271,11 @@ def _regress(
     starts = []
     for view in views:
         sensitivity, residual = view.sensitivities(stacked), view.residual
-        adjusted, share = values.copy(), np.inf
+        adjusted = values.copy()
+        shift, own, left = view.least(sensitivity, residual)
+        response = np.tensordot(own, stacked[:, problem.used, hypothesis.joint], 1)
+        share = float(np.sqrt(np.mean(response**2))) / per_command
         if effect.amplitudes:
-            shift, own, left = view.least(sensitivity, residual)
-            response = np.tensordot(own, stacked[:, problem.used, hypothesis.joint], 1)
-            share = float(np.sqrt(np.mean(response**2))) / per_command
             for (a, log), c in zip(owners, own, strict=True):
                 rows = slice(None) if log < 0 else log
                 factor = np.clip(c, -50.0, 50.0)
@@ -386,9 +394,9 @@ def _scan_time(
 def _scan_position(
     problem: Problem, base: Fitted, tool: Adjoint, effect: Effect, joint: int, size: Scales
 ) -> list[tuple[Hypothesis, Array, int]]:
-    """Transform of the correlation over the angle; for a gain effect it is weighted with the motor torque."""
+    """Transform of the correlation over the readings; for a gain effect it is weighted with the motor torque."""
     motion = predicted_motion(problem, base.point)[:, joint]
-    q, velocity = motion[:, 0], motion[:, 1]
+    q, velocity = problem.position[:, joint], motion[:, 1]
     weight = motion[:, 2] if effect.has_motor_torque else np.ones(len(q))
     if not np.any(weight):
         return []

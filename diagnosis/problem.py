@@ -139,11 +139,17 @@ class Problem:
     @cached_property
     def velocity(self) -> Array:
         """Smoothed velocity of the readings (T, n)."""
-        parts = [
-            smooth_derivatives(self.time[a:b], self.reading[a:b], 0.03)[1]
-            for a, b in zip(self.bounds[:-1], self.bounds[1:], strict=True)
-        ]
-        return np.concatenate(parts)
+        return self._smoothed(0.03)[1]
+
+    @cached_property
+    def position(self) -> Array:
+        """Smoothed readings (T, n)."""
+        return self._smoothed(0.01)[0]
+
+    def _smoothed(self, seconds: float) -> tuple[Array, ...]:
+        """Angle, velocity and acceleration (T, n) of the readings over windows within their logs."""
+        parts = [smooth_derivatives(self.time[a:b], self.reading[a:b], seconds) for a, b in pairwise(self.bounds)]
+        return tuple(np.concatenate(signals) for signals in zip(*parts, strict=True))
 
     @cached_property
     def cumulative(self) -> Array:

@@ -70,6 +70,7 @@ NOMINAL = (
     "torque_limit",
     "timing",
     "stepping",
+    "following",
     "arm",
     *(f"arm_shape_{i + 1}" for i in range(SHAPES)),
 )
@@ -77,7 +78,9 @@ NOMINAL = (
 
 timing: by how much the command acts after it is logged [s], negative in the logs of simulators that step before they
 read. stepping: 1 for a simulator that takes one semi-implicit Euler step per sample, friction by the sign of the
-velocity before it, else 0.
+velocity before it, else 0. following: share of the prediction's error before a step that is added to the position in
+the laws of the motor's position; 1 where they see the readings, 0 where the prediction. In free simulation there is
+nothing to follow.
 """
 _compiling = threading.Lock()
 LANES = 8
@@ -91,11 +94,12 @@ LANE_ROWS = (
     *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING", "HALF", "CONSTANT", "LATE"),
     *("ERROR", "OUTER", "RESIST", "PLACE", "ARM", "WEIGHT", "MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
-    *("COMMAND", "READING", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN", "FIRST_INERTIA", "CROSS", "SECOND_INERTIA"),
+    *("COMMAND", "READING", "BESIDE", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN"),
+    *("FIRST_INERTIA", "CROSS", "SECOND_INERTIA"),
 )
 """Rows of the lanes' scratch: states, states within a step, their rates, the same at its beginning and summed over its
 stages, in the same order, then what the lanes need once; those of the parameters follow."""
-STANDING = ("INERTIA", "LOAD", "GRAVITY_SINE", "GRAVITY_COSINE")
+STANDING = ("INERTIA", "LOAD", "GRAVITY_SINE", "GRAVITY_COSINE", "FOLLOWING")
 """Nominal parameters that lanes read where they stand among the others."""
 IN_LANES = {
     "math.sin(": "_sine(",
@@ -227,14 +231,18 @@ class Kernel:
         function(*arguments)
 
     def batch(self, *arguments: Any) -> None:
-        """The generated function of the same name, its C L runs spread over all cores."""
+        """The generated function of the same name, its C L runs spread over all cores.
+
+        Those of a single joint share lanes over all logs that have the same instants; how many cores there are makes no
+        difference to that.
+        """
         command, neighbour, bounds, parameters, pair = (arguments[i] for i in (1, 5, 7, 9, 11))
         count, logs, joints = len(parameters), len(bounds) - 1, command.shape[1]
         nothing = np.zeros((0, 0, 3))
         if joints == 1:
             alike = [(log, 1) for log in range(logs)] if len(neighbour) else same_instants(arguments[0], bounds)
-            tasks = [(*own, *span) for own in alike for span in shares(own[1] * count, LANES)]
-            each(lambda task: self._in_lanes(*arguments, nothing, *task), tasks)
+            runs = [(*own, *span) for own in alike for span in shares(own[1] * count, LANES)]
+            each(lambda run: self._in_lanes(*arguments, nothing, *run), runs)
             return
         if pair and joints == 2 and not len(neighbour):
             tasks = [(log, *span) for log in range(logs) for span in shares(count, LANES // 2)]
@@ -286,10 +294,10 @@ def _source(kernel: Kernel) -> str:
     calls: dict[str, list[str]] = {"command": [], "gain": [], "torque": [], "arm": [], "friction": [], "sensor": []}
     loops: dict[str, list[str]] = {"gain": [], "torque": [], "arm": [], "friction": []}
     lanes = {
-        "gain": "S[SUM_ + l] *= {f}(S[T_ + l], S[QS_ + l], S[DQS_ + l], S[WS_ + l], {p})",
-        "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l], S[DQS_ + l], S[WS_ + l], xs, {p})",
+        "gain": "S[SUM_ + l] *= {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {p})",
+        "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], xs, {p})",
         "arm": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[DQS_ + l], S[WS_ + l], xs, {p})",
-        "friction": "S[LEVEL_ + l] += {f}(S[T_ + l], S[QS_ + l], S[DQS_ + l], S[WS_ + l], {p})",
+        "friction": "S[LEVEL_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {p})",
     }
     call = {
         "command": "u = {f}(u, t, q, dq, w, p[{o}:{e}])",
@@ -363,7 +371,7 @@ def _source(kernel: Kernel) -> str:
 
 _TEMPLATE = '''
 INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
-TIMING, STEPPING, ARM = range(9, 12)
+TIMING, STEPPING, FOLLOWING, ARM = range(9, 13)
 Q, DQ, W, A, HEAT, QL, DQL = range(7)
 OTHER, LAGGING, PROMPT = range(3)  # how the motors of all lanes follow their command
 ONE_BODY, SPRING, PLAY_BETWEEN = 1, 2, 3  # what these motors move
@@ -371,6 +379,7 @@ LIGHT, HEAVY = 1, 2  # whether the arm's position resists, and whether by its we
 BITS = 4503599627370496.0  # 2^52: the last bits of the sum with a whole number are those of this number
 SQUARE_ROOT_OF_HALF = 0x3FE6A09E667F3BCD  # its bits
 ROUNDED = 6755399441055744.0  # 1.5 * 2^52: what is left of a number after adding and subtracting it is whole
+CATCHING_UP = 6.0  # rate at which positions follow the prediction's errors, over that of the leak
 SMALL = 1e-3  # share of the inertia behind a spring or a play from which the weight of the arm hangs on it
 
 
@@ -753,15 +762,18 @@ def _sides(q, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _rates(t, S, D, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
-    """Time derivatives D of the states S (n, 7) at time t under the averaged amplifier command u (n,)."""
+def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
+    """Time derivatives D of the states S (n, 7) at time t under the averaged amplifier command u (n,).
+
+    beside (n,): what the laws of the motor's position add to it."""
     for j in range(n):
         p = P[j]
         q, dq = S[j, Q], S[j, DQ]
         split = (_flexible(on[j]) or _playing(on[j])) and not (pair and j < 2)
         arm = _on_arm(t, S[j, QL] if split else q, dq, S[j, W], x[j], p, on[j], has[j, 2], pair and j < 2)
         w, D[j, W], D[j, HEAT], r, level[j] = _chain(
-            t, q, dq, S[j, W], S[j, HEAT], 0.0 if split else arm, u[j], x[j], p, on[j], has[j], bristle[j] + extra[j])
+            t, q + beside[j], dq, S[j, W], S[j, HEAT], 0.0 if split else arm, u[j], x[j], p, on[j], has[j],
+            bristle[j] + extra[j])
         S[j, W] = w
         rhs[j] = r - sign[j] * level[j]
         D[j, Q] = dq
@@ -983,7 +995,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     P = _resolved(P, (t[1] - t[0]) / substeps)
     D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 7))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
-    rises = np.zeros(n); volts = np.zeros(n)
+    rises = np.zeros(n); volts = np.zeros(n); beside = np.zeros(n)
     bristle = np.zeros(n); extra = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
     xs = np.zeros((n, 3))
     keep = motion.shape[0] == T
@@ -1005,9 +1017,11 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
         dt = t[k + 1] - t[k]
         if leak > 0.0:
             pull = 1.0 - math.exp(-leak * dt)
+            caught = 1.0 - math.exp(-CATCHING_UP * leak * dt)
             for j in range(n):
                 S[j, Q] += pull * out[k, j]
                 S[j, QL] += pull * out[k, j]
+                beside[j] += caught * (P[j, FOLLOWING] * (1.0 - pull) * out[k, j] - beside[j])
                 if rate_leak > 0.0 and S[j, DQ] != 0.0:
                     S[j, DQ] += rate_leak * dt * out[k, j]
                     S[j, DQL] += rate_leak * dt * out[k, j]
@@ -1044,8 +1058,8 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                         volts[j] = c[j] + rises[j] * ((h - left + ahead) * per_step - 0.5)
                         for m in range(7):
                             B[j, m] = S[j, m] + ahead * D[j, m] if stage else S[j, m]
-                    _rates(at + ahead, B, D, volts, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level,
-                           rhs)
+                    _rates(at + ahead, B, D, beside, volts, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra,
+                           level, rhs)
                     if stage == 0:
                         again, loose, most = False, -1, 1.0
                         for j in range(n):
@@ -1189,7 +1203,7 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
                 S[WEIGHT_ + l] = 0.0
     if rippled:
         for l in range(LANES):
-            angle = S[RIPPLE_CYCLES_ + l] * S[QS_ + l]
+            angle = S[RIPPLE_CYCLES_ + l] * (S[QS_ + l] + S[BESIDE_ + l])
             S[CONSTANT_ + l] = 1.0 + (
                 S[RIPPLE_SINE_ + l] * _sine(angle) + S[RIPPLE_COSINE_ + l] * _cosine(angle))
     if motor == LAGGING:
@@ -1203,7 +1217,7 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
     else:
         for l in range(n):
             S[WS_ + l], S[DW_ + l], S[DHEAT_ + l], S[R_ + l] = _motor(
-                S[QS_ + l], S[DQS_ + l], S[WS_ + l], S[HEATS_ + l], S[U_ + l], p[l], on[l])
+                S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], S[HEATS_ + l], S[U_ + l], p[l], on[l])
     if limited:
         for l in range(LANES):
             S[R_ + l] = min(max(S[R_ + l], -S[LIMIT_ + l]), S[LIMIT_ + l])
@@ -1463,7 +1477,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     with_x, with_extra = x.shape[0] > 0, extra_in.shape[0] > 0
     lasted = np.full(LANES, T)
     resting = stopped = False
-    t0, before, pull, alive, late, mean, rise = t[0], 0.0, 0.0, n, 0.0, 0.0, 0.0
+    t0, before, pull, caught, alive, late, mean, rise = t[0], 0.0, 0.0, 0.0, n, 0.0, 0.0, 0.0
     xs = (0.0, 0.0, 0.0)
     for k in range(T):
         if together:
@@ -1498,7 +1512,10 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
             if dt != before:
                 before = dt
                 pull = 1.0 - math.exp(-leak * dt)
+                caught = 1.0 - math.exp(-CATCHING_UP * leak * dt)
             _added(S, Q_, pull, ERROR_)
+            for l in range(LANES):
+                S[BESIDE_ + l] += caught * (S[FOLLOWING_ + l] * (1.0 - pull) * S[ERROR_ + l] - S[BESIDE_ + l])
             if split:
                 _added(S, QL_, pull, ERROR_)
             if rate_leak > 0.0:

@@ -34,7 +34,7 @@ COMPENSATOR = "compensator"
 """Name of the network among the parts of a model that can be left out."""
 
 
-RECORDING = ("timing", "stepping")
+RECORDING = ("timing", "stepping", "following")
 """Nominal parameters that are properties of logs, not of robots."""
 
 

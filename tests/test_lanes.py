@@ -46,6 +46,7 @@ def candidates(count: int, seed: int, effects: int) -> tuple[np.ndarray, np.ndar
         own[:, column["electrical_time_constant"]] = rng.choice([0.0, 3e-4, 1.5e-3, 4e-3])
         own[:, column["torque_square_mean"]] = 4.0
         own[:, column["timing"]] = rng.choice([0.0, 1e-3])
+        own[:, column["following"]] = rng.choice([0.0, 1.0])
         if rng.uniform() < 0.3:
             own[:, column["gravity_sine"]], own[:, column["gravity_cosine"]] = rng.uniform(-1.0, 1.0, 2)
         own[:, column["torque_limit"]] = rng.choice([0.0, 3.0])
@@ -287,3 +288,39 @@ def test_sine_and_cosine_are_those_of_the_library(own: str, library: Callable[[n
     angles = np.concatenate([*spans, 0.25 * np.pi * np.arange(-20, 21)])
     found = np.array([getattr(KERNEL.module, own)(angle) for angle in angles])
     assert np.max(np.abs(found - library(angles))) < 2.3e-16
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("presliding_friction", (0.8, 0.02, 0.0)),
+        ("presliding_friction", (0.8, 5e-4, 0.0)),
+        ("presliding_friction", (0.8, 0.005, 0.002)),
+        ("presliding_friction_power", (0.8, 0.02, 0.001, 2.0)),
+        ("presliding_friction_stribeck", (0.5, 0.01, 0.001, 0.6, 0.3, 2.0)),
+    ],
+)
+def test_bristles_are_right_to_a_few_ten_thousandths_in_one_step_per_sample(
+    name: str, values: tuple[float, ...]
+) -> None:
+    """Torques half a step late would be wrong by some thousandths, and damp too little."""
+    effect, dt, samples = next(e for e in KERNEL.effects if e.name == name), 1e-3, 4000
+    parameters = np.zeros((1, 1, 1, KERNEL.columns))
+    for parameter, value in (("inertia", 0.05), ("viscous", 0.1), ("back_emf", 0.1)):
+        parameters[..., NOMINAL.index(parameter)] = value
+    parameters[..., KERNEL.own(effect)] = values
+    switches = np.zeros((1, 1, len(KERNEL.effects)), dtype=bool)
+    switches[..., KERNEL.switches[name]] = True
+    time = dt * np.arange(samples)
+    command = (2.0 * np.sin(7.0 * time) + 0.5 * np.sin(31.0 * time))[:, None]
+    cumulative = np.vstack([np.zeros((1, 1)), np.cumsum(command[:-1], axis=0)])
+
+    def moved(steps: int) -> np.ndarray:
+        out = np.empty((1, samples, 1))
+        signals = (time, command, cumulative, np.zeros(1, dtype=np.int64), np.zeros((samples, 1)), np.zeros((0, 1, 3)))
+        model = (np.zeros((1, 1, 1, 3)), parameters, switches, False, np.zeros((1, 3)))
+        KERNEL.batch(*signals, np.zeros((0, 0, 1)), np.array([0, samples]), *model, 0.0, 0.0, steps, out)
+        return out[0, :, 0]
+
+    exact = moved(64)
+    assert np.std(moved(1) - exact) < 5e-4 * np.std(exact)

@@ -747,7 +747,11 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     assert choose(problem, [offset], limits, explained, (there(0, "direction", True),)) is None
     wave = NAMED["cogging_torque"]
     least = lambda effect, variable, evidence: least_beside(  # noqa: E731
-        effect, 0, evidence, (there(0, variable),), Settings()  # type: ignore[arg-type]
+        effect,
+        0,
+        evidence,
+        (there(0, variable),),
+        Settings(),  # type: ignore[arg-type]
     )
     assert least(wave, "position", 1e3) == 0.5 * Settings().relevant
     assert least(wave, "motor torque", 1e3) == Settings().material

@@ -1,0 +1,32 @@
+"""Whether waves over the position see the readings or the prediction.
+
+Noise that nobody logged drives the joint off the prediction. Where a cogging torque or a ripple has many waves in a
+revolution, a few milliradians are a good part of one, and the wave acts as the readings say. Coarse readings are worse
+than the prediction where there is little such noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import compress
+
+from diagnosis.estimation import Fitted, fit
+from diagnosis.hypotheses import is_wave
+from diagnosis.problem import Problem
+from methods.kernel import NOMINAL
+
+FOLLOWING = NOMINAL.index("following")
+
+
+def following_settled(problem: Problem, fitted: Fitted) -> Fitted:
+    """The fit with the positions of its waves as the readings have them or as they are predicted, whichever is
+    likelier."""
+    point = fitted.point
+    parameters = point.parameters.copy()
+    for j in range(problem.joints):
+        if any(map(is_wave, compress(problem.kernel.effects, point.switches[j]))):
+            parameters[:, j, FOLLOWING] = 1.0 - parameters[:, j, FOLLOWING]
+    if (parameters == point.parameters).all():
+        return fitted
+    other = fit(problem, replace(point, parameters=parameters), rounds=2, iterations=4)
+    return min(fitted, other, key=lambda option: option.criterion)

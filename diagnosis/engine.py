@@ -483,7 +483,9 @@ class Search:
     def concluded(self, path: Path, held_out: Problem | None = None) -> Finding:
         """What stands at the end of a path: effects that are not needed are taken back, and the verdict is given."""
         problem, nominal, settings = self.problem, self.nominal, self.settings
-        accepted, base, left = trim(problem, nominal, list(path.accepted), path.base, path.left, settings)
+        accepted, base = one_dry_friction(problem, nominal, list(path.accepted), path.base, settings)
+        left = path.left if base is path.base else remainders(problem, base)
+        accepted, base, left = trim(problem, nominal, accepted, base, left, settings)
         before = base
         accepted, base = significant(problem, accepted, base, settings)
         if held_out is not None:
@@ -1118,6 +1120,22 @@ def wald(base: Fitted, item: Accepted, spread: Array | None = None) -> float:
         inner = inner - cross @ np.linalg.pinv(spread[np.ix_(shapes, shapes)]) @ cross.T
     values = base.point.vector[wanted]
     return float(values @ np.linalg.pinv(inner) @ values)
+
+
+def one_dry_friction(
+    problem: Problem, nominal: Fitted, accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """The effects without a second dry friction of a joint that only repairs the law of the first: what it explains
+    may as well stay unexplained."""
+    allowed = settings.unexplained * (nominal.criterion - base.criterion)
+    for j in range(problem.joints):
+        dry = [item for item in accepted if item.joint == j and DRY in (item.label, *item.effect.includes)]
+        if len(dry) < 2:
+            continue
+        item, loss, smaller = _weakest(problem, base, dry)
+        if loss < allowed:
+            accepted, base = [other for other in accepted if other is not item], smaller
+    return accepted, base
 
 
 def trim(

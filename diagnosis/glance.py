@@ -28,6 +28,10 @@ LARGEST = 0.5
 """Share of all samples above which the look at a part saves too little."""
 EXACT = 1.2
 """Mean square of the innovations with one step per sample, over that with all steps, above which these are needed."""
+TELLING = 30.0
+"""Decrease of -2 log likelihood on the part (of deviation twice its root) that is told from none."""
+HIDDEN = 0.25
+"""Share of such a decrease that is seen at least."""
 STRONG = 100.0
 """Decrease of -2 log likelihood on the part from which the look at it is enough."""
 
@@ -55,6 +59,11 @@ class Glance:
     def is_enough(self, promise: float) -> bool:
         """Whether the best promise, for all samples, is strong enough on the part."""
         return promise * self.share >= STRONG
+
+    def least_promise(self, needed: float) -> float:
+        """Promise, for all samples, that an effect which needs so much shows on the part at least; minus infinity where
+        the part's share of it is too small to tell."""
+        return HIDDEN * needed if needed * self.share >= TELLING else -np.inf
 
     def shift_of(self, point: Point, shift: Array) -> Array:
         """A change of the free parameters of the model on the segments as one of those on all logs."""

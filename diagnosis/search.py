@@ -11,7 +11,7 @@ import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
 from diagnosis.first_fits import first_fits, further, on_all_samples, retimed, seen_in_part
-from diagnosis.glance import Glance, glance
+from diagnosis.glance import Glance, can_be_glanced_at, glance
 from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
 from diagnosis.problem import Problem
@@ -128,7 +128,7 @@ def try_all(
     look = glance(problem, base)
     lists = proposals(problem, views, plainly, sizes, look)
     if look is not None and not look.is_enough(max([needed, *(start.promise for start in lists[0])])):
-        look, lists = None, proposals(problem, views, plainly, sizes)
+        look, lists = None, on_all(problem, views, plainly, sizes, lists, look.least_promise(needed))
     own, bare = (
         first(filterfalse(is_hopeless, worth_fitting(problem, starts, base.samples, needed, least)), refine, law)
         for starts, least in zip((simplest(lists[0]), hidden(*lists)), (LEAST, 0), strict=True)
@@ -146,6 +146,27 @@ def try_all(
     promises = {(start.hypothesis.effect.name, start.hypothesis.joint): start.promise for start in reversed(lists[0])}
     scored = [score(problem, base, start, fitted) for start, fitted in rough]
     return _converged(problem, base, scored, promises, finals, known, look)
+
+
+def on_all(
+    problem: Problem,
+    views: Sequence[View],
+    effects: Sequence[tuple[Effect, int]],
+    sizes: dict[int, Scales],
+    lists: Sequence[list[Start]],
+    least: float,
+) -> list[list[Start]]:
+    """What each view proposes on all samples, where a part of them was not enough; those that promise less than `least`
+    on the part in any view stay as they are, and those that were not looked at on a part."""
+    place = lambda start: (start.hypothesis.effect.name, start.hypothesis.joint)  # noqa: E731
+    hopeful = {place(start) for starts in lists for start in starts if start.promise >= least}
+    again = [(effect, j) for effect, j in effects if can_be_glanced_at(effect) and (effect.name, j) in hopeful]
+    places = {(effect.name, j) for effect, j in again}
+    found = []
+    for starts, anew in zip(lists, proposals(problem, views, again, sizes), strict=True):
+        kept = [start for start in starts if place(start) not in places]
+        found.append(sorted([*kept, *anew], key=lambda start: -start.promise))
+    return found
 
 
 def rung(problem: Problem, base: Fitted, effect: Effect, joint: int) -> list[tuple[Start, Fitted]]:

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.estimation import Fitted, plain, predicted_motion, sensitivities
+from diagnosis.estimation import Fitted, fit, plain, predicted_motion, sensitivities
 from diagnosis.first_fits import first_fits, part_of
-from diagnosis.glance import Glance, can_be_glanced_at, glance
+from diagnosis.glance import TELLING, Glance, can_be_glanced_at, glance
 from diagnosis.hypotheses import Hypothesis, extend, proposals, sizes_of
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, in_band, stack
 from diagnosis.regression import View
-from diagnosis.search import try_all
+from diagnosis.search import on_all, try_all
 from envs.log import Array, JointFacts, Log
 from methods.base import State
 from methods.effects import built_in
@@ -192,3 +192,61 @@ def test_a_first_fit_to_a_part_is_one_to_all_samples(rubbing: tuple[Problem, Fit
             assert part.point.value(name) == pytest.approx(whole.point.value(name), rel=0.05)
     longer = replace(own[0], values=np.arange(2.0)[:, None])
     assert part_of(base.point, longer, look).values[:, 0].tolist() == [float(log) for log in look.logs]
+
+
+def test_only_what_a_part_promises_is_asked_of_all_samples_where_much_is_needed(
+    rubbing: tuple[Problem, Fitted], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, base = rubbing
+    look = glance(problem, base)
+    assert look is not None
+    assert look.least_promise(-np.inf) == look.least_promise(0.9 * TELLING / look.share) == -np.inf
+    much = 1.1 * TELLING / look.share
+    assert 0.0 < look.least_promise(much) < much
+    views = [View.of(problem, view) for view in (base, plain(problem, base))]
+    sizes = sizes_of(problem, base)
+    lists = proposals(problem, views, CANDIDATES, sizes, look)
+    promises = {start.hypothesis.effect.name: start.promise for start in lists[0]}
+    asked: list[str] = []
+
+    def recorded(problem: Problem, views: list[View], effects: list, sizes: dict) -> list:
+        asked.extend(effect.name for effect, _ in effects)
+        return proposals(problem, views, effects, sizes)
+
+    monkeypatch.setattr("diagnosis.search.proposals", recorded)
+    least = 0.9 * promises["coulomb_friction"]
+    found = on_all(problem, views, CANDIDATES, sizes, lists, least)
+    assert "coulomb_friction" in asked
+    assert "periodic_disturbance" not in asked  # it was regressed on all samples
+    assert len(asked) < len(promises) - 1
+    assert [len(own) for own in found] == [len(own) for own in lists]
+    untouched = {s.hypothesis.effect.name: s.promise for s in found[0] if s.hypothesis.effect.name not in asked}
+    assert all(promises[name] == promise for name, promise in untouched.items())
+    asked.clear()
+    on_all(problem, views, CANDIDATES, sizes, lists, -np.inf)
+    assert set(asked) == set(promises) - {"periodic_disturbance"}
+
+
+def test_a_part_decides_which_hypotheses_are_fitted_to_all_samples(
+    rubbing: tuple[Problem, Fitted], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The best one is fitted to all samples and ends where it does without a look at a part; what is far from it is
+    not."""
+    problem, base = rubbing
+    own = [(NAMED[name], 0) for name in ("coulomb_friction", "load_dependent_friction")]
+    lengths: list[int] = []
+
+    def counted(problem: Problem, *arguments: object, **options: object) -> Fitted:
+        lengths.append(len(problem.time))
+        return fit(problem, *arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("diagnosis.search.fit", counted)
+    on_part = try_all(problem, base, own)
+    assert min(lengths) < 0.5 * len(problem.time) < max(lengths) == len(problem.time)
+    lengths.clear()
+    monkeypatch.setattr("diagnosis.search.glance", lambda problem, base: None)
+    whole = try_all(problem, base, own)
+    assert set(lengths) == {len(problem.time)}
+    assert [s.name for s in on_part] == [s.name for s in whole] == [effect.name for effect, _ in own]
+    assert on_part[0].decrease == pytest.approx(whole[0].decrease, rel=1e-3)
+    assert on_part[1].decrease == pytest.approx(whole[1].decrease, rel=0.05)

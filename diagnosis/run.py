@@ -384,6 +384,8 @@ def solve(
     started = clock.perf_counter()
     name = f"joint {', '.join(map(str, group))}"
     kernel = build(compiled_with(effects))
+    if kernel.is_new:
+        tell("compiling the simulator, once for these effects: about a minute")
     first = read.fitted[0]
     structures = joint_structures(read.fitted, group, read.robot)
     arm, rest = None, ""

@@ -128,7 +128,8 @@ def try_all(
     look = glance(problem, base)
     lists = proposals(problem, views, plainly, sizes, look)
     if look is not None and not look.is_enough(max([needed, *(start.promise for start in lists[0])])):
-        look, lists = None, on_all(problem, views, plainly, sizes, lists, look.least_promise(needed))
+        lists = on_all(problem, views, plainly, sizes, lists, look.least_promise(needed))
+        look = None
     own, bare = (
         first(filterfalse(is_hopeless, worth_fitting(problem, starts, base.samples, needed, least)), refine, law)
         for starts, least in zip((simplest(lists[0]), hidden(*lists)), (LEAST, 0), strict=True)

@@ -181,17 +181,30 @@ class Kernel:
         return {effect.name: column for column, effect in enumerate(self.effects)}
 
     @cached_property
+    def source(self) -> str:
+        """Text of the generated module."""
+        return _source(self)
+
+    @cached_property
+    def path(self) -> Path:
+        """File of the generated module; its name is a hash of its text."""
+        return cache_folder() / f"kernel_{hashlib.sha256(self.source.encode()).hexdigest()[:16]}.py"
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it has never been used here: its first use compiles for about a minute."""
+        return not self.path.exists()
+
+    @cached_property
     def module(self) -> ModuleType:
         """The generated module, compiled on first use and kept on disk."""
-        source = _source(self)
-        key = hashlib.sha256(source.encode()).hexdigest()[:16]
-        path = cache_folder() / f"kernel_{key}.py"
-        if not path.exists():
+        path = self.path
+        if self.is_new:
             handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
             with os.fdopen(handle, "w") as file:
-                file.write(source)
+                file.write(self.source)
             os.replace(temporary, path)
-        name = f"adeptone_kernel_{key}"
+        name = f"adeptone_{path.stem}"
         if name not in sys.modules:
             spec = importlib.util.spec_from_file_location(name, path)
             assert spec is not None

@@ -21,7 +21,7 @@ from diagnosis.estimation import Fitted, Point, errors
 from diagnosis.problem import Problem, bounded, smooth_derivatives, start_deviation
 from diagnosis.whitening import Whitener, on_logs
 from envs.log import Array
-from methods.kernel import NOMINAL
+from methods.kernel import NOMINAL, STATES
 from methods.two_layer_network import TwoLayerNetwork, pack
 
 CORRECTION = 0.1
@@ -207,7 +207,7 @@ def begun(
     near = problem.neighbour[own] if len(problem.neighbour) else np.zeros((0, n, 3))
     command = problem.command[own]
     signals = (problem.instants[own], command, problem.cumulative[own], problem.hold, reading[own], near)
-    states = np.zeros((n, 7))
+    states = np.zeros((n, STATES))
     problem.kernel.module.begin(point.starts[log], command[0], states, point.parameters[log], point.switches)
     return signals, (point.parameters[log], point.switches, problem.pair, point.rigid), (states, np.zeros(n))
 

@@ -83,6 +83,9 @@ the laws of the motor's position; 1 where they see the readings, 0 where the pre
 nothing to follow.
 """
 _compiling = threading.Lock()
+STATES = 8
+"""States of a joint: angle, velocity, motor torque, command behind the amplifier's lag, relative rise of resistance,
+angle and velocity of the arm, what the laws of the motor's position add to it."""
 LANES = 8
 """Joints that are simulated at once: candidates of a single joint, or half as many of a planar pair."""
 LANE_ROWS = (
@@ -385,7 +388,7 @@ def _source(kernel: Kernel) -> str:
 _TEMPLATE = '''
 INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
 TIMING, STEPPING, FOLLOWING, ARM = range(9, 13)
-Q, DQ, W, A, HEAT, QL, DQL = range(7)
+Q, DQ, W, A, HEAT, QL, DQL, BESIDE = range(8)
 OTHER, LAGGING, PROMPT = range(3)  # how the motors of all lanes follow their command
 ONE_BODY, SPRING, PLAY_BETWEEN = 1, 2, 3  # what these motors move
 LIGHT, HEAVY = 1, 2  # whether the arm's position resists, and whether by its weight
@@ -776,7 +779,7 @@ def _sides(q, p, on):
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
-    """Time derivatives D of the states S (n, 7) at time t under the averaged amplifier command u (n,).
+    """Time derivatives D of the states S (n, 8) at time t under the averaged amplifier command u (n,).
 
     beside (n,): what the laws of the motor's position add to it."""
     for j in range(n):
@@ -982,7 +985,7 @@ def _crossing(start, first, total):
 def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak, rate_leak, substeps, out, motion):
     """Simulate one log. y (T, n) readings; out (T, n) prediction errors; motion (T, n, 3): q, dq, w (or empty)."""
     T, n = u.shape
-    S = np.zeros((n, 7)); z = np.zeros(n)
+    S = np.zeros((n, 8)); z = np.zeros(n)
     begin(start, u[0], S, P, on)
     advance(0, T, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak, substeps, out,
     motion)
@@ -990,8 +993,9 @@ def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak,
 
 @njit(cache=True, error_model='numpy', nogil=True)
 def begin(start, u, S, P, on):
-    """States S (n, 7) at the beginning of a log: start (n, 3) angle, velocity, motor torque; command u (n,)."""
+    """States S (n, 8) at the beginning of a log: start (n, 3) angle, velocity, motor torque; command u (n,)."""
     for j in range(len(u)):
+        S[j, BESIDE] = 0.0
         S[j, Q], S[j, QL] = _sides(start[j, 0], P[j], on[j])
         S[j, DQ] = start[j, 1]; S[j, DQL] = start[j, 1]
         S[j, A] = u[j]
@@ -1001,12 +1005,12 @@ def begin(start, u, S, P, on):
 @njit(cache=True, error_model='numpy', nogil=True)
 def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak,
         substeps, out, motion):
-    """Samples first..last-1 of a log from the states S (n, 7) and deflections z (n,), which end up at sample last."""
+    """Samples first..last-1 of a log from the states S (n, 8) and deflections z (n,), which end up at sample last."""
     T, n = u.shape
     euler = P[0, STEPPING] > 0.0
     substeps = _steps(P, on, t[1] - t[0], substeps)
     P = _resolved(P, (t[1] - t[0]) / substeps)
-    D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 7))
+    D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 8))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
     rises = np.zeros(n); volts = np.zeros(n); beside = np.zeros(n)
     bristle = np.zeros(n); extra = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
@@ -1034,7 +1038,8 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             for j in range(n):
                 S[j, Q] += pull * out[k, j]
                 S[j, QL] += pull * out[k, j]
-                beside[j] += caught * (P[j, FOLLOWING] * (1.0 - pull) * out[k, j] - beside[j])
+                S[j, BESIDE] += caught * (P[j, FOLLOWING] * (1.0 - pull) * out[k, j] - S[j, BESIDE])
+                beside[j] = S[j, BESIDE]
                 if rate_leak > 0.0 and S[j, DQ] != 0.0:
                     S[j, DQ] += rate_leak * dt * out[k, j]
                     S[j, DQL] += rate_leak * dt * out[k, j]

@@ -20,7 +20,7 @@ from envs.robot import Robot
 from methods.base import MethodError, Model, Motion, State
 from methods.effects import built_in, vocabulary
 from methods.effects.base import Effect
-from methods.kernel import NOMINAL, Kernel, build
+from methods.kernel import NOMINAL, STATES, Kernel, build
 from methods.two_layer_network import TwoLayerNetwork, pack
 
 FORMAT = 1
@@ -317,7 +317,7 @@ class Session:
         if any(networks):
             self._advance = partial(model.kernel.module.compensated, pack(networks))
         self.error, self.motion = np.zeros((len(time), n)), np.zeros((len(time), n, 3))
-        self.states, self.bristles = np.zeros((n, 7)), np.zeros(n)
+        self.states, self.bristles = np.zeros((n, STATES)), np.zeros(n)
 
     def begin(self, position: Array, velocity: Array, acceleration: Array | None = None) -> None:
         """Initial state: angle, velocity and acceleration (n,); the motor torque is the one that goes with them.
@@ -351,11 +351,11 @@ class Session:
         near = self.near[0] if len(self.near) else np.zeros((n, 3))
 
         def accelerations(torque: Array) -> Array:
-            states, rates = np.zeros((n, 7)), np.zeros((n, 7))
+            states, rates = np.zeros((2, n, STATES))
             module.begin(np.column_stack((start[:, :2], torque)), self.command[0], states, parameters, switches)
             module._rates(
-                0.0, states, rates, self.command[0], near, sign, still, n, parameters, switches, present, pair, rigid,
-                np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
+                0.0, states, rates, np.zeros(n), self.command[0], near, sign, still, n, parameters, switches, present,
+                pair, rigid, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
             )  # fmt: skip
             return rates[:, 1]
 

@@ -15,6 +15,7 @@ from diagnosis.hypotheses import Hypothesis, extend, withdraw
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, stack
 from diagnosis.remainder import remainder
+from diagnosis.replay import replay
 from envs.log import JointFacts, Log
 from methods.effects import built_in
 from methods.kernel import build
@@ -67,6 +68,10 @@ def test_waves_act_where_the_readings_say_if_noise_drives_the_joint() -> None:
     assert seen.point.value("cogging_torque.sine@0") == pytest.approx(HEIGHT, rel=0.02)
     assert seen.point.value("cogging_torque.cycles_per_rev@0") == pytest.approx(WAVES, rel=1e-3)
     assert remainder(problem, seen, 0).excess == 0.0
+    in_pieces = replay(problem, seen.point)  # what is followed goes on from piece to piece, and not in free simulation
+    assert np.allclose(in_pieces.prediction, seen.error, rtol=0.0, atol=1e-12)
+    free = replay(problem, replace(seen.point, parameters=parameters))
+    assert np.nanstd(in_pieces.windows - free.windows) < 1e-2 * np.nanstd(problem.reading)
 
 
 def test_waves_act_where_the_model_predicts_if_readings_are_coarse_and_nothing_drives_the_joint() -> None:

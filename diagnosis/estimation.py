@@ -55,6 +55,15 @@ class Point:
         """The same with each value at its bound where it lies beyond."""
         return self.at(np.clip(vector, [f.lower for f in self.free], [f.upper for f in self.free]))
 
+    @property
+    def values(self) -> dict[str, float]:
+        """Values of the free parameters by name."""
+        return dict(zip((f.name for f in self.free), self.vector.tolist(), strict=True))
+
+    def taking(self, values: Mapping[str, float]) -> Point:
+        """The same with the values of those of its free parameters that are among the given ones, within bounds."""
+        return self.within(np.array([{**self.values, **values}[f.name] for f in self.free]))
+
     def value(self, name: str) -> float:
         return self.vector[[f.name for f in self.free].index(name)]
 

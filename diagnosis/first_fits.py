@@ -65,9 +65,7 @@ def seen_in_part(problem: Problem, base: Fitted, hypothesis: Hypothesis, fitted:
     if not can_be_glanced_at(effect) or added.sum() != 1 or not added[joint, column]:
         return None
     values = np.repeat(fitted.point.parameters[:1, joint, problem.kernel.own(effect)], look.problem.logs, axis=0)
-    point = extend(look.problem, look.views[0].fitted.point, hypothesis, values)
-    found = dict(zip((f.name for f in fitted.point.free), fitted.point.vector, strict=True))
-    return point.within(np.array([found.get(f.name, value) for f, value in zip(point.free, point.vector, strict=True)]))
+    return extend(look.problem, look.views[0].fitted.point, hypothesis, values).taking(fitted.point.values)
 
 
 def on_all_samples(
@@ -77,10 +75,7 @@ def on_all_samples(
     the base. The filter is its own if `renewed`, else the base's."""
     own = problem.kernel.own(hypothesis.effect)
     values = np.repeat(part.point.parameters[:1, hypothesis.joint, own], problem.logs, axis=0)
-    point = extend(problem, base.point, hypothesis, values)
-    found = dict(zip((f.name for f in part.point.free), part.point.vector, strict=True))
-    vector = [found.get(f.name, value) for f, value in zip(point.free, point.vector, strict=True)]
-    point = point.within(np.array(vector))
+    point = extend(problem, base.point, hypothesis, values).taking(part.point.values)
     error = errors(problem, [point])[0]
     return finish(problem, point, error, whitener(problem, error) if renewed else base.whitener, known=known)
 

@@ -27,8 +27,9 @@ line that has its mean and its first moment; dry friction is handled by events (
 the other forces stay below the friction level, and breaks away), bristles and the low-pass of the amplifier by their
 exact exponential solution.
 
-Candidates of a single joint, whatever their effects, go eight at a time in the lanes of the processor's vectors, those
-of a planar pair four at a time (`run_lanes`), to the same bits as one at a time (`run`, for any number of joints).
+Candidates of a single joint, whatever their effects, go eight at a time in the lanes of the processor's vectors, on
+several logs at once where these have the same instants, and those of a planar pair four at a time (`run_lanes`), to the
+same bits as one at a time (`run`, for any number of joints).
 """
 
 from __future__ import annotations

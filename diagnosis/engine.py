@@ -41,7 +41,7 @@ from diagnosis.search import (
     with_limiting_effects,
     within,
 )
-from diagnosis.timing import timing_settled
+from diagnosis.timing import SHIFT, timing_settled
 from diagnosis.whitening import on_logs
 from envs.log import Array
 from methods.effects.base import Effect
@@ -67,6 +67,8 @@ LUCKY = 0.5
 CLOSER = 0.3
 """Errors as they are, over those that the chosen effect leaves, from which another one may have been the better choice,
 whatever its evidence: the filter may have taken what it explains for slow noise."""
+TAKEN_BACK = 0.5
+"""Share of a lag by which the command may act earlier than it is logged."""
 AT_END = 0.99
 """Share of the largest possible size from which an effect is at the end of its range."""
 SIMULTANEOUS = 0.2
@@ -107,6 +109,7 @@ class Settings:
     unexplained, as a share of the command's rms, below which it is put down to integrators and inexact laws; a further
     effect needs half of that, or all beside one in which small causes grow. inexact: share of what was explained above
     which no such excuse holds, unless the torque stays below `seen`: rounding is not quite noise.
+    budget: simulations of all logs after which no other ways are tried.
     """
 
     threshold: float = 12.0
@@ -126,6 +129,7 @@ class Settings:
     relevant: float = 0.008
     inexact: float = 0.1
     seen: float = 0.0015
+    budget: int = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +166,7 @@ class Finding:
     band: upper frequency [Hz] of the comparison that chose the effects; None: the whole band.
     refused: what was tried last and not accepted, best first. patched: joints whose effects are pieces of another law.
     optima: see `Path`. traded: the fits in which the amplifier's lag is another one of the lags in series.
+    is_cut: whether other ways were left untried because the search had taken its budget.
     """
 
     verdict: Verdict
@@ -175,6 +180,7 @@ class Finding:
     patched: Mapping[int, Patchwork] = field(default_factory=dict)
     optima: tuple[Optimum, ...] = ()
     traded: tuple[Optimum, ...] = ()
+    is_cut: bool = False
 
     @property
     def scattered(self) -> float:
@@ -245,7 +251,9 @@ def _find(
     tell("again in the band of the motion")
     inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded), tell)
     banded = inner.concluded(inner.grown(inner.start))
-    path = carried_over(search, banded, cost(problem, whole.final, whole.accepted) - settings.threshold)
+    path = None
+    if not search.is_spent:
+        path = carried_over(search, banded, cost(problem, whole.final, whole.accepted) - settings.threshold)
     if path is not None:
         tell("again in the whole band")
         longer = search.concluded(search.grown(path), held_out)
@@ -253,8 +261,9 @@ def _find(
             return quiet(problem, longer, effects, settings)
     if whole.accepted and does_better(narrow, held_out, whole, banded, settings.threshold):
         return whole
+    band = 0.4 / (narrow.decimation * problem.sample_time)
     return replace(
-        banded, verdict="unknown", remainders=whole.remainders, band=0.4 / (narrow.decimation * problem.sample_time)
+        banded, verdict="unknown", remainders=whole.remainders, band=band, is_cut=whole.is_cut or search.is_spent
     )
 
 
@@ -469,10 +478,10 @@ class Search:
 
         Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
         """
-        if path.excess > 0.0 and (len(path.accepted) > 1 or self.incomplete(path)):
+        if path.excess > 0.0 and (len(path.accepted) > 1 or self.incomplete(path)) and not self.is_spent:
             path = self.exchanged(path)
         for earlier, other in path.forks[:FORKS]:
-            if not self.incomplete(path):
+            if not self.incomplete(path) or self.is_spent:
                 break
             self.tell(f"once more with {other.label}")
             second = self.grown(self.advanced(earlier, other))
@@ -520,7 +529,13 @@ class Search:
             patched=pieces,
             optima=path.optima,
             traded=traded,
+            is_cut=said == "unknown" and self.is_spent,
         )
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether the search has taken its budget of simulations."""
+        return self.problem.work.samples > self.settings.budget * len(self.problem.time)
 
     def incomplete(self, path: Path) -> bool:
         """Whether something is left that neither noise nor inexact laws account for."""
@@ -799,8 +814,13 @@ def is_steady(problem: Problem, scored: Scored) -> bool:
 
 def is_possible(problem: Problem, scored: Scored) -> bool:
     """Whether an effect of either sign stays within the size that it can have: at the end of its range it stands in for
-    another one."""
+    another one. A lag that a command which acts earlier than logged takes back is none: together they repair how
+    integrators differ."""
     effect, joint = scored.effect, scored.start.hypothesis.joint
+    if effect.label == LAG:
+        own, shift = scored.fitted.point.parameters[0, joint, [problem.kernel.own(effect).start, SHIFT]]
+        if -shift > TAKEN_BACK * own:
+            return False
     values = np.abs(scored.fitted.point.parameters[:, joint, problem.kernel.own(effect)])
     either = {i: p.upper for i, p in enumerate(effect.parameters) if p.lower == -p.upper and np.isfinite(p.upper)}
     return all(np.all(values[:, i] < AT_END * end) for i, end in either.items())

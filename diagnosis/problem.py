@@ -6,6 +6,7 @@ evenly spaced segments: what a diagnosis needs to know saturates long before ten
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -66,6 +67,18 @@ class Stamps:
     decrease: float
 
 
+@dataclass
+class Work:
+    """Samples that candidates were simulated for, so far: the same on any machine."""
+
+    samples: int = 0
+    _adding: threading.Lock = field(default_factory=threading.Lock, repr=False)
+
+    def add(self, samples: int) -> None:
+        with self._adding:
+            self.samples += samples
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Stacked logs. Shapes: time (T,), command and reading (T, n), bounds (L + 1,),
@@ -99,6 +112,7 @@ class Problem:
     command_limits: tuple[float, ...] = ()
     starts: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
     arm: KnownTorques | None = None
+    work: Work = field(default_factory=Work)
 
     @property
     def joints(self) -> int:
@@ -178,6 +192,7 @@ class Problem:
     ) -> Array:
         """Prediction errors (C, T, n) of C candidates: parameters (C, L, n, columns), switches (C, n, effects)."""
         out = np.empty((len(parameters), len(self.time), self.joints))
+        self.work.add(len(parameters) * len(self.time) * (substeps or self.substeps))
         self.kernel.batch(
             self.instants,
             self.command,

@@ -183,7 +183,7 @@ def diagnose(
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
-            solved_notes = (timing_said, growth_said, lags_said, winding_said)
+            solved_notes = (timing_said, growth_said, lags_said, winding_said, budget_said)
             notes = (scale_said(result), *(said(solved, j) for said in solved_notes))
             findings += filter(None, notes)
         if solved.rest:
@@ -270,6 +270,16 @@ def growth_said(solved: Solved, j: int) -> str:
     return (
         f"joint {solved.joints[j]}: from one blow of its play to the next small causes grow, so that noise which "
         "nobody logged decides where it goes: no model follows these logs exactly, and errors of free simulation stay"
+    )
+
+
+def budget_said(solved: Solved, j: int) -> str:
+    """That a search that found no complete model was ended; nothing otherwise."""
+    if not solved.finding.is_cut:
+        return ""
+    return (
+        f"joint {solved.joints[j]}: the search was ended when it had taken long enough; effects that only other "
+        "combinations would have shown may be missing among the names"
     )
 
 

@@ -21,6 +21,7 @@ from diagnosis.engine import (
     confirmed,
     find,
     firm_ground_first,
+    is_possible,
     is_steady,
     is_too_small,
     least_beside,
@@ -41,7 +42,7 @@ from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, 
 from diagnosis.jitter import jitter
 from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
-from diagnosis.problem import Problem, evenly, stack
+from diagnosis.problem import Problem, Work, evenly, stack
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import remainder
 from diagnosis.replay import imitated_floor, noise_floor, transfer
@@ -1067,3 +1068,35 @@ def test_a_timing_stays_where_a_fit_without_it_ends_elsewhere(monkeypatch: pytes
     near = replace(far, innovation=timed.innovation, error=timed.error)
     monkeypatch.setattr("diagnosis.timing._timed", lambda *given, **how: near)
     assert timing_settled(problem, timed) is near
+
+
+def test_a_lag_that_an_earlier_command_takes_back_is_none() -> None:
+    problem = problem_of({"amplifier_lag": {"time_constant": 0.01}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    scored = accepted(problem, nominal, "amplifier_lag", [0.01]).scored
+    assert is_possible(problem, scored)
+    lag = scored.fitted.point.value("amplifier_lag.time_constant@0")
+    for share, possible in ((0.4, True), (0.6, False)):
+        parameters = scored.fitted.point.parameters.copy()
+        parameters[..., NOMINAL.index("timing")] = -share * lag
+        earlier = replace(scored.fitted, point=replace(scored.fitted.point, parameters=parameters))
+        assert is_possible(problem, replace(scored, fitted=earlier)) is possible
+
+
+def test_a_search_that_has_taken_its_budget_tries_no_other_ways(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What can be found in the first way is told, and that the search was ended."""
+    tried: list[str] = []
+    exchanged = Search.exchanged
+    monkeypatch.setattr(Search, "exchanged", lambda self, path: tried.append("laws") or exchanged(self, path))
+    rough = 0.05 * np.sin(np.linspace(0.0, 900.0, 5000)) ** 3
+    problem = problem_of({"coulomb_friction": {"torque": 0.1}, "cable_spring": {"stiffness": 0.5, "pull": 0.0}}, rough)
+    few = [NAMED[name] for name in ("amplifier_offset", "gravity_tilt", "quadratic_drag")]
+    free_search = find(problem, (JointStructure(),), few)
+    assert free_search.verdict == "unknown"
+    assert tried
+    assert not free_search.is_cut
+    tried.clear()
+    spent = find(replace(problem, work=Work()), (JointStructure(),), few, Settings(budget=1))
+    assert spent.verdict == "unknown"
+    assert spent.is_cut
+    assert not tried

@@ -324,3 +324,21 @@ def test_bristles_are_right_to_a_few_ten_thousandths_in_one_step_per_sample(
 
     exact = moved(64)
     assert np.std(moved(1) - exact) < 5e-4 * np.std(exact)
+
+
+def test_arithmetic_of_the_lanes_is_that_of_the_library() -> None:
+    rng, module = np.random.default_rng(8), KERNEL.module
+    exponents = np.concatenate([rng.uniform(-700.0, 700.0, 2000), rng.uniform(-2.0, 2.0, 2000), [0.0, -1e9, 1e9]])
+    found = np.array([module._exponential(x) for x in exponents])
+    assert np.allclose(found, np.exp(np.clip(exponents, -708.0, 709.0)), rtol=1e-15, atol=0.0)
+    sizes = np.concatenate([10.0 ** rng.uniform(-300.0, 300.0, 2000), rng.uniform(0.5, 2.0, 2000)])
+    found = np.array([module._logarithm(x) for x in sizes])
+    assert np.allclose(found, np.log(sizes), rtol=1e-15, atol=1e-16)
+    for power in (0.5, 1.0, 1.7, 3.0):
+        found = np.array([module._power(x, power) for x in sizes[2000:]])
+        assert np.allclose(found, sizes[2000:] ** power, rtol=1e-15, atol=0.0)
+        assert module._power(0.0, power) < 1e-150
+    slopes = np.concatenate([rng.uniform(-20.0, 20.0, 2000), [0.0, 1e9, -1e9]])
+    found = np.array([module._hyperbolic_tangent(x) for x in slopes])
+    assert np.allclose(found, np.tanh(slopes), rtol=0.0, atol=4e-16)
+    assert module._hyperbolic_tangent(0.0) == 0.0

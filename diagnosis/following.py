@@ -2,7 +2,8 @@
 
 Noise that nobody logged drives the joint off the prediction. Where a cogging torque or a ripple has many waves in a
 revolution, a few milliradians are a good part of one, and the wave acts as the readings say. Coarse readings are worse
-than the prediction where there is little such noise.
+than the prediction where there is little such noise. Behind a play small causes grow: there a wave that saw the
+readings would correct the motion by them, and a false one explain something.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import replace
 from itertools import compress
 
 from diagnosis.estimation import Fitted, fit
-from diagnosis.hypotheses import is_wave
+from diagnosis.hypotheses import is_rough, is_wave
 from diagnosis.problem import Problem
 from methods.kernel import NOMINAL
 
@@ -24,7 +25,8 @@ def following_settled(problem: Problem, fitted: Fitted) -> Fitted:
     point = fitted.point
     parameters = point.parameters.copy()
     for j in range(problem.joints):
-        if any(map(is_wave, compress(problem.kernel.effects, point.switches[j]))):
+        there = list(compress(problem.kernel.effects, point.switches[j]))
+        if any(map(is_wave, there)) and not is_rough(there):
             parameters[:, j, FOLLOWING] = 1.0 - parameters[:, j, FOLLOWING]
     if (parameters == point.parameters).all():
         return fitted

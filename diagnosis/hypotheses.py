@@ -90,7 +90,10 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
     effect, j = hypothesis.effect, hypothesis.joint
     offset = problem.kernel.offsets[effect.name]
     parameters, switches = point.parameters.copy(), point.switches.copy()
-    if is_wave(effect) and not any(map(is_wave, compress(problem.kernel.effects, switches[j]))):
+    there = [*compress(problem.kernel.effects, switches[j]), effect]
+    if is_rough(there):
+        parameters[:, j, NOMINAL.index("following")] = 0.0
+    elif is_wave(effect) and sum(map(is_wave, there)) == 1:
         parameters[:, j, NOMINAL.index("following")] = 1.0
     parameters[:, j, problem.kernel.own(effect)] = values
     switches[j, problem.kernel.switches[effect.name]] = True
@@ -128,6 +131,12 @@ def is_wave(effect: Effect) -> bool:
     """Whether an effect is a wave over the position that acts on the joint: where it is on the wave has to be known
     better than models predict it that noise drives away, so that its position follows the readings."""
     return effect.scan == "position" and effect.slot != "sensor"
+
+
+def is_rough(effects: Iterable[Effect]) -> bool:
+    """Whether small causes grow beside one of these effects: there a wave that saw the readings would correct the
+    motion by them, and a false one explain something."""
+    return any(effect.scatters for effect in effects)
 
 
 def withdraw(problem: Problem, point: Point, name: str, joint: int) -> Point:

@@ -93,3 +93,15 @@ def test_a_wave_is_found_on_a_joint_that_noise_drives() -> None:
     found = find(problem_of(noise=0.02, step=1e-4), STRUCTURES, EFFECTS)
     assert found.verdict == "named"
     assert [item.label for item in found.accepted] == ["cogging_torque"]
+
+
+def test_beside_a_play_waves_act_where_the_model_predicts() -> None:
+    problem = problem_of(noise=0.0, step=1e-4)
+    nominal = fit_nominal(problem, STRUCTURES)
+    wave, play = (Hypothesis(NAMED[name], 0) for name in ("cogging_torque", "backlash"))
+    waves, gap = np.tile([HEIGHT, 0.0, WAVES], (2, 1)), np.tile([0.01, 0.3, 30.0, 0.1], (2, 1))
+    for first, second in (((wave, waves), (play, gap)), ((play, gap), (wave, waves))):
+        point = extend(problem, extend(problem, nominal.point, *first), *second)
+        assert np.all(point.parameters[:, 0, FOLLOWING] == 0.0)
+        rough = fit(problem, point, rounds=1, iterations=1)
+        assert following_settled(problem, rough) is rough

@@ -382,7 +382,7 @@ class Search:
                 complete = path.excess <= allowance(self.nominal, path.base)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
                 needed = max(needed, path.scattered)
-            hopeless = partial(is_too_small, path.accepted, settings, explained) if path.accepted else no_start
+            hopeless = partial(is_too_small, path.accepted, settings, explained)
             ranked = try_all(problem, path.base, candidates, needed=needed, is_hopeless=hopeless)
             if not path.accepted and stuck(problem, ranked):
                 ranked = also_without_limits(problem, path.base, candidates, ranked)
@@ -761,14 +761,9 @@ def least_beside(
 def is_too_small(accepted: Sequence[Accepted], settings: Settings, explained: float, start: Start) -> bool:
     """Whether a regression says, with a wide margin, that a further effect could not be taken for its size."""
     most, hypothesis = UNDERSTATED * start.promise, start.hypothesis
-    if most > settings.inexact * explained:
+    if not accepted or most > settings.inexact * explained:
         return False
     return UNDERSTATED * start.share < least_beside(hypothesis.effect, hypothesis.joint, most, accepted, settings)
-
-
-def no_start(start: Start) -> bool:
-    """None is too small."""
-    return False
 
 
 def textbook(ranked: Sequence[Scored]) -> list[Scored]:

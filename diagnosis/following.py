@@ -1,22 +1,18 @@
 """Whether waves over the position see the readings or the prediction.
 
 Noise that nobody logged drives the joint off the prediction. Where a cogging torque or a ripple has many waves in a
-revolution, a few milliradians are a good part of one, and the wave acts as the readings say. Coarse readings are worse
-than the prediction where there is little such noise. Behind a play small causes grow: there a wave that saw the
-readings would correct the motion by them, and a false one explain something.
+revolution, a few milliradians turn its phase by as many times more, and the wave acts as the readings say. Coarse
+readings are worse than the prediction where there is little such noise. Behind a play small causes grow: there a wave
+that saw the readings would correct the motion by them, and a false one explain something.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import compress
 
-from diagnosis.estimation import Fitted, fit
-from diagnosis.hypotheses import is_rough, is_wave
+from diagnosis.estimation import Fitted, fit, scatters
+from diagnosis.hypotheses import FOLLOWING, has_wave
 from diagnosis.problem import Problem
-from methods.kernel import NOMINAL
-
-FOLLOWING = NOMINAL.index("following")
 
 
 def following_settled(problem: Problem, fitted: Fitted) -> Fitted:
@@ -25,8 +21,7 @@ def following_settled(problem: Problem, fitted: Fitted) -> Fitted:
     point = fitted.point
     parameters = point.parameters.copy()
     for j in range(problem.joints):
-        there = list(compress(problem.kernel.effects, point.switches[j]))
-        if any(map(is_wave, there)) and not is_rough(there):
+        if has_wave(problem, point, j) and not scatters(problem, point, j):
             parameters[:, j, FOLLOWING] = 1.0 - parameters[:, j, FOLLOWING]
     if (parameters == point.parameters).all():
         return fitted

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from diagnosis.estimation import Fitted, Point, errors, predicted_motion
+from diagnosis.estimation import Fitted, Point, errors, predicted_motion, scatters
 from diagnosis.glance import Glance, can_be_glanced_at
 from diagnosis.problem import Free, Problem, scales, smooth_derivatives
 from diagnosis.regression import View
@@ -26,6 +26,7 @@ from methods.parallel import each
 OTHER = 1.5
 """Factor by which a shape has to differ from another one to be worth a fit of its own."""
 VISCOUS, BACK_EMF = "viscous", "back_emf"
+FOLLOWING = NOMINAL.index("following")
 FIXED = 1e-4
 """Standard deviation, as a share of its scale, of a parameter that is held."""
 DAMPING = 0.5
@@ -90,11 +91,10 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
     effect, j = hypothesis.effect, hypothesis.joint
     offset = problem.kernel.offsets[effect.name]
     parameters, switches = point.parameters.copy(), point.switches.copy()
-    there = [*compress(problem.kernel.effects, switches[j]), effect]
-    if is_rough(there):
-        parameters[:, j, NOMINAL.index("following")] = 0.0
-    elif is_wave(effect) and sum(map(is_wave, there)) == 1:
-        parameters[:, j, NOMINAL.index("following")] = 1.0
+    if effect.scatters or scatters(problem, point, j):
+        parameters[:, j, FOLLOWING] = 0.0
+    elif is_wave(effect) and not has_wave(problem, point, j):
+        parameters[:, j, FOLLOWING] = 1.0
     parameters[:, j, problem.kernel.own(effect)] = values
     switches[j, problem.kernel.switches[effect.name]] = True
     if hypothesis.log >= 0:
@@ -133,10 +133,9 @@ def is_wave(effect: Effect) -> bool:
     return effect.scan == "position" and effect.slot != "sensor"
 
 
-def is_rough(effects: Iterable[Effect]) -> bool:
-    """Whether small causes grow beside one of these effects: there a wave that saw the readings would correct the
-    motion by them, and a false one explain something."""
-    return any(effect.scatters for effect in effects)
+def has_wave(problem: Problem, point: Point, joint: int) -> bool:
+    """Whether a joint's model has a wave over its position."""
+    return any(map(is_wave, compress(problem.kernel.effects, point.switches[joint])))
 
 
 def withdraw(problem: Problem, point: Point, name: str, joint: int) -> Point:

@@ -10,8 +10,8 @@ import pytest
 
 from diagnosis.engine import find
 from diagnosis.estimation import fit
-from diagnosis.following import FOLLOWING, following_settled
-from diagnosis.hypotheses import Hypothesis, extend, withdraw
+from diagnosis.following import following_settled
+from diagnosis.hypotheses import FOLLOWING, Hypothesis, extend, withdraw
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, stack
 from diagnosis.remainder import remainder

@@ -251,6 +251,7 @@ def _find(
     tell("again in the band of the motion")
     inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded), tell)
     banded = inner.concluded(inner.grown(inner.start))
+    is_cut = whole.is_cut or (search.is_spent and bool(banded.accepted))
     path = None
     if not search.is_spent:
         path = carried_over(search, banded, cost(problem, whole.final, whole.accepted) - settings.threshold)
@@ -260,11 +261,9 @@ def _find(
         if longer.verdict != "unknown":
             return quiet(problem, longer, effects, settings)
     if whole.accepted and does_better(narrow, held_out, whole, banded, settings.threshold):
-        return whole
+        return replace(whole, is_cut=is_cut)
     band = 0.4 / (narrow.decimation * problem.sample_time)
-    return replace(
-        banded, verdict="unknown", remainders=whole.remainders, band=band, is_cut=whole.is_cut or search.is_spent
-    )
+    return replace(banded, verdict="unknown", remainders=whole.remainders, band=band, is_cut=is_cut)
 
 
 def quiet(problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings) -> Finding:
@@ -316,7 +315,8 @@ class Path:
     forks: at every step the hypotheses that came much closer or explained nearly as much, with the path up to there,
     best first. equals: effects with their joints and the laws that explained nearly as much when they were taken.
     unsteady: the evidence for disturbances that were refused because not all logs have them. optima: where
-    fits stopped in rough ground when a play was found (`diagnosis.hopping`).
+    fits stopped in rough ground when a play was found (`diagnosis.hopping`). is_cut: whether the budget left other ways
+    from here untried.
     """
 
     base: Fitted
@@ -329,6 +329,7 @@ class Path:
     forks: tuple[tuple[Path, Accepted], ...] = ()
     equals: frozenset[tuple[str, int, str]] = frozenset()
     optima: tuple[Optimum, ...] = ()
+    is_cut: bool = False
 
     @property
     def excess(self) -> float:
@@ -478,16 +479,21 @@ class Search:
 
         Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
         """
-        if path.excess > 0.0 and (len(path.accepted) > 1 or self.incomplete(path)) and not self.is_spent:
+        asks = path.excess > 0.0 and (len(path.accepted) > 1 or self.incomplete(path))
+        is_cut = asks and self.is_spent
+        if asks and not is_cut:
             path = self.exchanged(path)
         for earlier, other in path.forks[:FORKS]:
-            if not self.incomplete(path) or self.is_spent:
+            if not self.incomplete(path):
+                break
+            if self.is_spent:
+                is_cut = True
                 break
             self.tell(f"once more with {other.label}")
             second = self.grown(self.advanced(earlier, other))
             if self.cost(second) < self.cost(path) - self.settings.threshold:
                 path = second
-        return path
+        return replace(path, is_cut=is_cut)
 
     def concluded(self, path: Path, held_out: Problem | None = None) -> Finding:
         """What stands at the end of a path: effects that are not needed are taken back, and the verdict is given."""
@@ -529,7 +535,7 @@ class Search:
             patched=pieces,
             optima=path.optima,
             traded=traded,
-            is_cut=said == "unknown" and self.is_spent,
+            is_cut=said == "unknown" and path.is_cut,
         )
 
     @property

@@ -44,7 +44,7 @@ from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.problem import Problem, Work, evenly, stack
 from diagnosis.regression import View, effective_samples
-from diagnosis.remainder import remainder
+from diagnosis.remainder import Remainder, remainder
 from diagnosis.replay import imitated_floor, noise_floor, transfer
 from diagnosis.search import (
     TURNS,
@@ -1100,3 +1100,50 @@ def test_a_search_that_has_taken_its_budget_tries_no_other_ways(monkeypatch: pyt
     assert spent.verdict == "unknown"
     assert spent.is_cut
     assert not tried
+
+
+def test_laws_are_not_exchanged_beside_a_single_effect_that_leaves_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of({"amplifier_offset": {"voltage": 2e-2}})
+    search = Search.begin(problem, (JointStructure(),), [NAMED["amplifier_offset"]], Settings(), lambda text: None)
+    monkeypatch.setattr(Search, "exchanged", lambda self, path: pytest.fail("laws are exchanged"))
+    item = accepted(problem, search.nominal, "amplifier_offset", [2e-2])
+    left = Remainder((), 1000.0, 10, 0.0, 0.0, 0.0)
+    assert left.excess > 0.0
+    path = Path(item.scored.fitted, (item,), frozenset(), (search.nominal,), (left,))
+    assert not search.incomplete(path)
+    assert not search.completed(path).is_cut
+    spent = replace(search, settings=Settings(budget=0))
+    assert spent.is_spent
+    assert not spent.completed(path).is_cut  # nothing was left untried
+
+
+def test_collisions_from_a_box_to_half_a_sine() -> None:
+    push, share = NAMED["collision"].function, np.linspace(0.01, 0.99, 99)
+    assert push is not None
+    pulse = lambda shape: [-push(2.0 + 0.3 * s, 0.0, 0.0, 0.0, (), (5.0, 2.0, 0.3, shape)) for s in share]  # noqa: E731
+    assert pulse(2.0) == pytest.approx(5.0 * np.sin(np.pi * share))
+    assert pulse(1.0) == pytest.approx(5.0 * np.sin(np.pi * share) ** 2)
+    assert pulse(1.0 + 1e-9) == pytest.approx(pulse(1.0), rel=1e-6)
+    assert pulse(0.02)[1:-1] == [5.0] * 97
+    assert [push(2.0 + 0.3 * s, 0.0, 0.0, 0.0, (), (5.0, 2.0, 0.3, 1.5)) for s in (-0.1, 1.1)] == [0.0, 0.0]
+
+
+def test_even_instants_are_the_same_bit_by_bit_whenever_a_log_begins() -> None:
+    problem = problem_of({})
+    half = len(problem.time) // 2
+    rounded = np.round(12.3 + problem.time[:half], 6)
+    two = replace(problem, time=np.concatenate([rounded, problem.time[half:]]), bounds=np.array([0, half, 2 * half]))
+    assert np.array_equal(two.instants[:half], two.instants[half:])
+    assert two.instants[:half] == pytest.approx(problem.time[:half] - problem.time[0], abs=1e-6)
+    jittering = problem.time + 0.01 * DT * np.random.default_rng(0).standard_normal(len(problem.time))
+    uneven = replace(problem, time=jittering)
+    assert np.array_equal(uneven.instants, jittering - jittering[0])
+
+
+def test_a_simulator_is_new_until_it_has_been_used(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+    monkeypatch.setenv("ADEPTONE_CACHE", str(tmp_path))
+    kernel = build((NAMED["coulomb_friction"],))
+    assert kernel.is_new
+    assert kernel.module.__name__.endswith(kernel.path.stem)
+    assert not kernel.is_new
+    assert not build((NAMED["coulomb_friction"],)).is_new

@@ -1484,8 +1484,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
         elif plays == n and not (PLAY_POWER >= 0 and any_on[PLAY_POWER]):
             ends = PLAY_BETWEEN
     lo, hi = begins[0], begins[0] + lengths[0]
-    u_one, cumulative_one = u[lo:hi, 0], cumulative[lo:hi, 0]
-    u_other, cumulative_other = u_one, cumulative_one
+    u_other, cumulative_other = u[lo:hi, 0], cumulative[lo:hi, 0]
     if rigid is not None:  # gravity of a pair is not that of its joints, and its transmissions are stiff
         split, senses, weighs = False, _sensing(any_on), LIGHT if weighs else 0
         direct = direct and hold[1] == 0
@@ -1501,7 +1500,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     for k in range(T):
         if together:
             for l in range(LANES):
-                S[READING_ + l], S[COMMAND_ + l] = y[lo + k, 0], u_one[k]
+                S[READING_ + l], S[COMMAND_ + l] = y[lo + k, 0], u[lo + k, 0]
         else:
             for l in range(LANES):
                 own_row = origin[l] + min(k, ends_at[l] - 1)
@@ -1565,13 +1564,11 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                     S[U_ + l] = S[COMMAND_ + l]
             else:
                 for l in range(n):
-                    if l == 0 or S[LATE_ + l] != late or (rigid is not None and l == HALF) or (
-                            not together and origin[l] != origin[l - 1]):
+                    if l == 0 or S[LATE_ + l] != late or origin[l] != origin[l - 1] or (
+                            rigid is not None and l == HALF):
                         late = S[LATE_ + l]
                         if rigid is not None and l >= HALF:
                             mean, rise = _amplifier(k, i, substeps, late / dt, hold[1], u_other, cumulative_other)
-                        elif together:
-                            mean, rise = _amplifier(k, i, substeps, late / dt, hold[0], u_one, cumulative_one)
                         else:
                             a, b = origin[l], origin[l] + ends_at[l]
                             mean, rise = _amplifier(min(k, ends_at[l] - 1), i, substeps, late / dt, hold[0], u[a:b, 0],

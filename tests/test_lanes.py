@@ -162,6 +162,9 @@ def test_logs_share_lanes_where_their_instants_are_the_same_as_far_as_they_go(ef
     parameters = np.concatenate([one, one], axis=1) * rng.uniform(0.9, 1.0, (count, 4, 1, 1))
     parameters[3, 1, 0, 0] = -1e-4  # runs away
     parameters[..., NOMINAL.index("stepping")] = 0.0
+    if hold == 1:  # all commands are as late: where one log ends and another begins shows in nothing else
+        parameters[..., NOMINAL.index("timing")] = 1e-3
+        parameters[..., NOMINAL.index("electrical_time_constant")] = 4e-3
     starts, extra = rng.normal(0.0, 0.1, (count, 4, 1, 3)), rng.normal(size=(count, len(time), 1))
     signals, none = (time, command, cumulative, np.array([hold]), reading), np.zeros((0, 1, 3))
     lanes, alone = np.empty((2, count, len(time), 1))

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from diagnosis.beginning import started, twists_settled
 from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, distances, hopped
@@ -21,16 +22,13 @@ from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import Problem, in_band
 from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainder
-from diagnosis.replay import started
 from diagnosis.search import (
     FORM,
     Ranked,
     Scored,
     containing,
-    free_of_filter,
     generalised,
     hypotheses_of,
-    in_turns,
     is_resolved,
     polish,
     price,
@@ -42,6 +40,7 @@ from diagnosis.search import (
     within,
 )
 from diagnosis.timing import SHIFT, timing_settled
+from diagnosis.turns import free_of_filter, in_turns
 from diagnosis.whitening import on_logs
 from envs.log import Array
 from methods.effects.base import Effect
@@ -428,7 +427,8 @@ class Search:
         accepted, chosen = merged(problem, accepted, chosen, settings)
         accepted.append(chosen)
         base = limits_settled(problem, chosen.scored.fitted, self.structures)
-        base = following_settled(problem, timing_settled(problem, windings_settled(problem, base)))
+        base = timing_settled(problem, windings_settled(problem, twists_settled(problem, base)))
+        base = following_settled(problem, base)
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)

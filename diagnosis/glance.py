@@ -19,6 +19,7 @@ from diagnosis.regression import View
 from diagnosis.whitening import filterable
 from envs.log import Array
 from methods.effects.base import Effect
+from methods.kernel import BEGINNING
 
 SAMPLES = 15_000
 """Samples of all segments together, as far as their length allows."""
@@ -129,7 +130,7 @@ def _cut(problem: Problem, motion: Array, places: np.ndarray, length: int) -> Pr
         neighbour=problem.neighbour[rows] if len(problem.neighbour) else problem.neighbour,
         bounds=length * np.arange(len(places) + 1),
         names=tuple(f"at {problem.time[place]:.1f} s" for place in places),
-        starts=motion[places],
+        starts=np.pad(motion[places], ((0, 0), (0, 0), (0, len(BEGINNING) - motion.shape[2]))),
     )
 
 

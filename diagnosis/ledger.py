@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2
 
+from diagnosis.beginning import started
 from diagnosis.engine import JITTER, Finding, without
 from diagnosis.estimation import Fitted, Point, predicted_motion
 from diagnosis.problem import DIVERGED, Problem
@@ -25,7 +26,6 @@ from diagnosis.replay import (
     noise_floor,
     replay,
     rms,
-    started,
     transfer,
     window_width,
 )

@@ -24,6 +24,7 @@ from diagnosis.replay import stretch, transfer
 from diagnosis.result import NextExperiment
 from diagnosis.whitening import on_logs
 from envs.excitation import Chirp, Multisine, ScaledExcitation, Steps, TriangularSweep
+from methods.kernel import BEGINNING
 
 LENGTH = 10.0
 """Length of a simulated experiment [s]; the benefit is stated for one as long as all the logs at hand."""
@@ -142,7 +143,8 @@ def experiment(
     for _ in range(ATTEMPTS):
         scaled = replace(excitation, amplitude=float(f"{amplitude:.3g}"))
         command = scaled.sample(time, np.random.default_rng(0))
-        starts = np.array([[[middle, 0.0, 0.0]]])
+        starts = np.zeros((1, 1, len(BEGINNING)))
+        starts[..., 0] = middle
         trial = replace(part, time=time, command=command, reading=np.zeros_like(command), starts=starts)
         point = transfer(trial, final.point)
         position = -errors(trial, [point], leak=False)[0]

@@ -19,7 +19,7 @@ from scipy.signal import savgol_filter
 from envs.log import Array, Log
 from envs.log_statistics import quantisation_step
 from methods.effects.base import Scales
-from methods.kernel import NOMINAL, Kernel
+from methods.kernel import BEGINNING, NOMINAL, Kernel
 
 SEGMENT = 60_000  # samples of one segment of a long recording
 DIVERGED = 1e6  # prediction error [rad or m] that stands for a simulation that left all bounds
@@ -36,7 +36,7 @@ class Free:
     """One free parameter of a fit.
 
     kind: ``joint`` (a column of the parameter array, for all logs), ``log`` (the same for one log only), ``start``
-    (initial state: 0 angle, 1 velocity, 2 motor torque; of one log), ``rigid`` (coupling parameters of a pair).
+    (initial state of one log, see `methods.kernel.BEGINNING`), ``rigid`` (coupling parameters of a pair).
     deviation: standard deviation around `centre` that is known beforehand (infinite: nothing is known).
     """
 
@@ -110,7 +110,7 @@ class Problem:
     decimation: int = 1
     stamps: Stamps | None = None
     command_limits: tuple[float, ...] = ()
-    starts: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    starts: Array = field(default_factory=lambda: np.zeros((0, 0, len(BEGINNING))))
     arm: KnownTorques | None = None
     work: Work = field(default_factory=Work)
 
@@ -219,7 +219,8 @@ class Problem:
     def motion(self, parameters: Array, switches: np.ndarray, rigid: Array, starts: Array) -> Array:
         """Predicted angle, velocity and motor torque (T, n, 3) of one model, from readings before each sample only.
 
-        Shapes: parameters (L, n, columns), switches (n, effects), starts (L, n, 3).
+        Shapes: parameters (L, n, columns), switches (n, effects), starts (L, n, 5), see
+        `methods.kernel.BEGINNING`.
         """
         found = np.zeros((len(self.time), self.joints, 3))
         out = np.empty((len(self.time), self.joints))
@@ -373,7 +374,7 @@ def stack(
         readings.append(log.position[:, columns])
         dt = log.sample_time
         smooth = smooth_derivatives(log.time, log.position, start_window(dt))
-        beginning = np.zeros((len(joints), 3))
+        beginning = np.zeros((len(joints), len(BEGINNING)))
         beginning[:, 0] = log.position[0, columns]
         beginning[:, 1] = smooth[1][0, columns]
         starts.append(beginning)

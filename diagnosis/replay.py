@@ -17,9 +17,8 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter, savgol_filter
 
-from diagnosis.estimation import Fitted, Point, errors
-from diagnosis.problem import Problem, bounded, smooth_derivatives, start_deviation
-from diagnosis.whitening import Whitener, on_logs
+from diagnosis.estimation import Fitted, Point
+from diagnosis.problem import Problem, bounded, smooth_derivatives
 from envs.log import Array
 from methods.kernel import NOMINAL, STATES
 from methods.two_layer_network import TwoLayerNetwork, pack
@@ -70,88 +69,6 @@ def transfer(problem: Problem, point: Point) -> Point:
             if effect.scan == "event" and len(amplitudes) > 1 and np.any(np.all(amplitudes == 0.0, axis=1)):
                 switches[j, column] = False
     return replace(point, parameters=parameters, switches=switches, starts=problem.starts.copy(), free=())
-
-
-def started(problem: Problem, point: Point, filter_: Whitener) -> Point:
-    """A point fitted on other logs, made ready for these, with velocities at their beginning and phases of periodic
-    disturbances as these logs have them."""
-    return with_phases(problem, with_velocities(problem, transfer(problem, point), filter_), filter_)
-
-
-def with_velocities(problem: Problem, point: Point, filter_: Whitener) -> Point:
-    """The point with the velocities at the beginning of these logs that their readings tell beside the model.
-
-    Those of `transfer` are smoothed over a stretch in which a command that sets in at once may have changed them by
-    much. Here the whitened prediction errors of a log are regressed on the responses to other velocities, each known
-    beforehand as `start_deviation` says.
-    """
-    whiten, n, size = on_logs(problem, filter_), problem.joints, push(problem)
-    errors_, starts = errors(problem, [point, *pushed(problem, point)]), point.starts.copy()
-    for log, (a, b) in enumerate(pairwise(problem.bounds)):
-        plain, *others = whiten(of_log(problem, errors_, log)).reshape(n + 1, -1)
-        noise = float(np.sqrt(np.mean(plain**2)))
-        fastest = np.max(np.abs(problem.velocity[a:b]), axis=0)
-        known = np.diag(noise * size / start_deviation(problem, fastest))
-        basis = np.vstack([np.stack([other - plain for other in others], axis=1), known])
-        starts[log, :, 1] -= size * np.linalg.lstsq(basis, np.concatenate([plain, np.zeros(n)]), rcond=None)[0]
-    moved = replace(point, starts=starts)
-    better = np.sum(whiten(errors(problem, [moved])[0]) ** 2) < np.sum(whiten(errors_[0]) ** 2)
-    return moved if better else point
-
-
-def push(problem: Problem) -> Array:
-    """Change of the velocities at the beginning of a log (n,) by which the response to them is taken."""
-    return 0.01 * np.std(problem.velocity, axis=0)
-
-
-def pushed(problem: Problem, point: Point) -> list[Point]:
-    """The model with another velocity at the beginning of all logs, of one joint at a time."""
-    found = []
-    for j, change in enumerate(push(problem)):
-        starts = point.starts.copy()
-        starts[:, j, 1] += change
-        found.append(replace(point, starts=starts))
-    return found
-
-
-def of_log(problem: Problem, errors_: Array, log: int) -> Array:
-    """Errors (C, T, n) of one log, zero in the others."""
-    window = slice(problem.bounds[log], problem.bounds[log + 1])
-    own = np.zeros_like(errors_)
-    own[:, window] = errors_[:, window]
-    return own
-
-
-def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:
-    """The point with the phases of periodic disturbances as each of these logs has them; amplitudes stay.
-
-    A disturbance has no reason to begin anew with a recording, so its phase is no property of the model. It is the
-    regression of the whitened prediction errors of a log on the responses to sine and cosine, and to the velocities at
-    its beginning, which a coarse encoder shows badly and little friction remembers.
-    """
-    whiten = on_logs(problem, filter_)
-    for effect in problem.kernel.effects:
-        if effect.scan != "time":
-            continue
-        start = problem.kernel.offsets[effect.name]
-        pair = [start + a for a in effect.amplitudes]
-        for j in np.flatnonzero(point.switches[:, problem.kernel.switches[effect.name]]):
-            size = float(np.hypot(*point.parameters[0, j, pair]))
-            trials = []
-            for values in ((0.0, 0.0), (size, 0.0), (0.0, size)):
-                parameters = point.parameters.copy()
-                parameters[:, j, pair] = values
-                trials.append(replace(point, parameters=parameters))
-            errors_ = errors(problem, [*trials, *pushed(problem, trials[0])])
-            parameters = point.parameters.copy()
-            for log in range(problem.logs):
-                own = of_log(problem, errors_, log)
-                plain, *others = whiten(own).reshape(len(own), problem.joints, -1)[:, j]
-                basis = np.stack([other - plain for other in others], axis=1)
-                weights = -np.linalg.lstsq(basis, plain, rcond=None)[0][:2]
-                parameters[log, j, pair] = size * weights / max(float(np.linalg.norm(weights)), 1e-300)
-            point = replace(point, parameters=parameters)
-    return point
 
 
 def replay(

@@ -17,7 +17,7 @@ from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
 from diagnosis.problem import Problem
 from diagnosis.regression import View
 from diagnosis.resonance import ringing
-from diagnosis.whitening import unfiltered
+from diagnosis.turns import free_of_filter, to_errors, to_innovations
 from envs.log import Array
 from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL
@@ -39,8 +39,6 @@ RETRIED = 3
 """Laws that are fitted once more, to the errors as they are."""
 COLOURED = 5.0
 """Rms of the errors over that of their innovations from which that is done."""
-TURNS = 4
-"""Most turns between the errors as they are and their innovations."""
 CLOSE = 0.75
 """Share of the best first fit's decrease from which a hypothesis is fitted to all samples, where a part is enough."""
 NEAR = 0.9
@@ -322,34 +320,6 @@ def off_limits(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitt
     if np.array_equal(vector, point.vector):
         return fitted
     return min(fitted, free_of_filter(problem, point.at(vector)), key=lambda option: option.criterion)
-
-
-def in_turns(problem: Problem, fitted: Fitted) -> Fitted:
-    """A fit carried on with the errors as they are and their innovations in turns, as long as that finds better.
-
-    The two have the same best optimum but not the same others, and where one stops the other may go on.
-    """
-    for _ in range(TURNS):
-        other = free_of_filter(problem, fitted.point)
-        if not fitted.criterion - other.criterion > 1.0:
-            break
-        fitted = other
-    return fitted
-
-
-def free_of_filter(problem: Problem, point: Point) -> Fitted:
-    """Fit to the errors as they are, and from there to their innovations."""
-    return to_innovations(problem, to_errors(problem, point))
-
-
-def to_errors(problem: Problem, point: Point) -> Fitted:
-    """Fit to the errors as they are."""
-    return fit(problem, point, unfiltered(problem), rounds=1, iterations=10, renewed=False)
-
-
-def to_innovations(problem: Problem, fitted: Fitted) -> Fitted:
-    """A fit to the errors as they are carried on to their innovations."""
-    return fit(problem, fitted.point, rounds=2, iterations=6)
 
 
 def with_limiting_effects(problem: Problem, base: Fitted, ranked: Sequence[Scored]) -> list[Scored]:

@@ -14,6 +14,7 @@ import numpy as np
 from diagnosis.estimation import Fitted, Point, errors, fit
 from diagnosis.problem import Free, Problem
 from diagnosis.regression import View
+from diagnosis.turns import in_turns
 from envs.log import Array
 from methods.kernel import NOMINAL
 
@@ -34,10 +35,13 @@ def timing_settled(problem: Problem, fitted: Fitted) -> Fitted:
     They do where a shift, even one at the end of its range, explains something, or, beside a delay, Euler's steps:
     these come with a shift of half a step. At the end of its range a timing stands in for something else. Only what
     promises something to first order is fitted. A timing that is there stays where nothing else does as well: without
-    it a fit may end elsewhere.
+    it a fit may end elsewhere. It may have come with a law that has been replaced since, and the filter then keep the
+    exact fit from what that was to explain.
     """
     cost = (float(np.log(fitted.samples)) + LEAST) * problem.joints
     exact = _timed(problem, fitted, free=False, euler=False)
+    if is_timed(fitted):
+        exact = in_turns(problem, exact)
     promised = promises(problem, exact)
 
     def tried(free: bool, euler: bool) -> Fitted | None:

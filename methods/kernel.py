@@ -87,6 +87,9 @@ _compiling = threading.Lock()
 STATES = 8
 """States of a joint: angle, velocity, motor torque, command behind the amplifier's lag, relative rise of resistance,
 angle and velocity of the arm, what the laws of the motor's position add to it."""
+BEGINNING = ("angle", "velocity", "motor torque", "twist", "twist rate")
+"""What a joint begins a log with: angle and velocity of the encoder's side, motor torque, and by how much the motor's
+angle and velocity exceed the arm's where there is a spring or a play, beyond the twist in which the arm hangs."""
 LANES = 8
 """Joints that are simulated at once: candidates of a single joint, or half as many of a planar pair."""
 LANE_ROWS = (
@@ -390,6 +393,7 @@ _TEMPLATE = '''
 INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
 TIMING, STEPPING, FOLLOWING, ARM = range(9, 13)
 Q, DQ, W, A, HEAT, QL, DQL, BESIDE = range(8)
+TWIST, TWIST_RATE = range(3, 5)  # columns of what a joint begins with
 OTHER, LAGGING, PROMPT = range(3)  # how the motors of all lanes follow their command
 ONE_BODY, SPRING, PLAY_BETWEEN = 1, 2, 3  # what these motors move
 LIGHT, HEAVY = 1, 2  # whether the arm's position resists, and whether by its weight
@@ -756,11 +760,12 @@ def _joined(t, q, dq, ql, dql, rhs, arm, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _sides(q, p, on):
-    """Angles of motor and load at the beginning, that of the encoder's side given: the arm hangs in its spring or leans
-    to one side of its play."""
+def _sides(start, p, on):
+    """Angles and velocities of motor and arm at the beginning, those of the encoder's side given: the arm hangs in its
+    spring or leans to one side of its play, but for what start (5,) has of `BEGINNING` besides."""
+    q, dq = start[0], start[1]
     if not (_flexible(on) or _playing(on)):
-        return q, q
+        return q, dq, q, dq
     arm = _on_arm(0.0, q, 0.0, 0.0, (0.0, 0.0, 0.0), p, on, True, False)
     first = _play_column(on)
     if _flexible(on):
@@ -774,8 +779,10 @@ def _sides(q, p, on):
             twist = math.copysign(half * (abs(twist) / half) ** (1.0 / p[first + 4]), twist)
         if arm != 0.0:
             twist += math.copysign(half, arm)
-    twist = min(max(twist, -1.0), 1.0)
-    return (q + twist, q) if _load_side(on) else (q, q - twist)
+    twist = min(max(twist, -1.0), 1.0) + start[TWIST]
+    if _load_side(on):
+        return q + twist, dq + start[TWIST_RATE], q, dq
+    return q, dq, q - twist, dq - start[TWIST_RATE]
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -994,11 +1001,10 @@ def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak,
 
 @njit(cache=True, error_model='numpy', nogil=True)
 def begin(start, u, S, P, on):
-    """States S (n, 8) at the beginning of a log: start (n, 3) angle, velocity, motor torque; command u (n,)."""
+    """States S (n, 8) at the beginning of a log: start (n, 5) as in `BEGINNING`; command u (n,)."""
     for j in range(len(u)):
         S[j, BESIDE] = 0.0
-        S[j, Q], S[j, QL] = _sides(start[j, 0], P[j], on[j])
-        S[j, DQ] = start[j, 1]; S[j, DQL] = start[j, 1]
+        S[j, Q], S[j, DQ], S[j, QL], S[j, DQL] = _sides(start[j], P[j], on[j])
         S[j, A] = u[j]
         S[j, W] = start[j, 2]
 
@@ -1169,8 +1175,7 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
     resolved = _resolved(P, h)
     for l in range(n):
         p[l] = resolved[l]
-        S[Q_ + l], S[QL_ + l] = _sides(starts[l, 0], p[l], on[l])
-        S[DQ_ + l] = S[DQL_ + l] = starts[l, 1]
+        S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l] = _sides(starts[l], p[l], on[l])
         S[W_ + l], S[LAG_ + l] = starts[l, 2], u[begins[l]]
         S[MOBILITY_ + l] = p[l, MOBILITY]
         S[VISCOUS_ + l], S[EMF_ + l] = p[l, VISCOUS], p[l, BACK_EMF]
@@ -1429,7 +1434,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     Each runs along one of several logs with the same instants, as far as they go: t (T,), the longest; the log of lane
     l is rows begins[l] to begins[l] + lengths[l] of u, y (R, joints) and x (R, 3 + A), or (0, 3), which holds for a
     single log only, and of out[rows[l]], extra_in[rows[l]] (C, R), or (0, 0), and motion[rows[l]] (C, R, 3): angle,
-    velocity, motor torque (or empty). hold (joints,); starts (n, 3); P (n, columns); switches (n, effects).
+    velocity, motor torque (or empty). hold (joints,); starts (n, 5); P (n, columns); switches (n, effects).
     A candidate's states lie in the same lanes of every row of S, so that one instruction moves them all; what becomes
     of one candidate does not depend on the others.
     """
@@ -1744,7 +1749,7 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
     count = len(P)
     rows, begins = np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
     lengths = np.zeros(LANES, dtype=np.int64)
-    begin, own = np.zeros((LANES, 3)), np.zeros((LANES, P.shape[3]))
+    begin, own = np.zeros((LANES, starts.shape[3])), np.zeros((LANES, P.shape[3]))
     switches = np.zeros((LANES, on.shape[2]), dtype=np.bool_)
     dt = t[bounds[log] + 1] - t[bounds[log]]
     xo = x[:, 0] if x.shape[0] > 0 else np.zeros((0, 3))
@@ -1783,7 +1788,7 @@ def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair,
     lo, hi = bounds[log], bounds[log + 1]
     T, dt = hi - lo, t[lo + 1] - t[lo]
     row, own = np.zeros((LANES, P.shape[3])), np.zeros((LANES, on.shape[2]), dtype=np.bool_)
-    begin, constants, errors = np.zeros((LANES, 3)), np.zeros((HALF, 3)), np.zeros((LANES, T))
+    begin, constants, errors = np.zeros((LANES, starts.shape[3])), np.zeros((HALF, 3)), np.zeros((LANES, T))
     rows, begins, lengths = np.arange(LANES), np.zeros(LANES, dtype=np.int64), np.full(LANES, T)
     outer = np.zeros((LANES if extra.shape[0] > 0 else 0, T if extra.shape[0] > 0 else 0))
     a = first

@@ -20,7 +20,7 @@ from envs.robot import Robot
 from methods.base import MethodError, Model, Motion, State
 from methods.effects import built_in, vocabulary
 from methods.effects.base import Effect
-from methods.kernel import NOMINAL, STATES, Kernel, build
+from methods.kernel import BEGINNING, NOMINAL, STATES, Kernel, build
 from methods.two_layer_network import TwoLayerNetwork, pack
 
 FORMAT = 1
@@ -325,7 +325,7 @@ class Session:
         Without an acceleration the motor torque is that of the steady state of the first command; at rest it is zero.
         """
         parameters = self.model.arrays[0]
-        start = np.zeros((len(self.model.parts), 3))
+        start = np.zeros((len(self.model.parts), len(BEGINNING)))
         start[:, 0], start[:, 1] = position, velocity
         if np.any(velocity) or (acceleration is not None and np.any(acceleration)):
             start[:, 2] = self.command[0] - parameters[:, NOMINAL.index("back_emf")] * velocity
@@ -352,7 +352,8 @@ class Session:
 
         def accelerations(torque: Array) -> Array:
             states, rates = np.zeros((2, n, STATES))
-            module.begin(np.column_stack((start[:, :2], torque)), self.command[0], states, parameters, switches)
+            begun = np.column_stack((start[:, :2], torque, start[:, 3:]))
+            module.begin(begun, self.command[0], states, parameters, switches)
             module._rates(
                 0.0, states, rates, np.zeros(n), self.command[0], near, sign, still, n, parameters, switches, present,
                 pair, rigid, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),

@@ -98,7 +98,7 @@ def test_segments_begin_in_the_state_of_the_model(rubbing: tuple[Problem, Fitted
     for segment, log in enumerate(look.logs):
         a, b = part.bounds[segment : segment + 2]
         place = problem.bounds[log] + int(np.flatnonzero(problem.time[problem.bounds[log] :] == part.time[a])[0])
-        assert part.starts[segment] == pytest.approx(predicted_motion(problem, base.point)[place])
+        assert part.starts[segment, :, :3] == pytest.approx(predicted_motion(problem, base.point)[place])
         settled = slice(a + 1000, b)
         expected = base.error[place + 1000 : place + b - a]
         assert own.error[settled] == pytest.approx(expected, abs=0.05 * np.std(base.error))

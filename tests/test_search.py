@@ -47,18 +47,17 @@ from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder
 from diagnosis.replay import imitated_floor, noise_floor, transfer
 from diagnosis.search import (
-    TURNS,
     Ranked,
     Scored,
     containing,
     exchanged,
     generalised,
-    in_turns,
     off_limits,
     price,
     try_all,
 )
 from diagnosis.timing import _timed, is_timed, timing_settled
+from diagnosis.turns import TURNS, in_turns
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array, JointFacts, Log
 from methods.base import State
@@ -966,7 +965,7 @@ def test_a_fit_goes_on_in_turns_as_long_as_that_finds_better(monkeypatch: pytest
         begun.append(point)
         return SimpleNamespace(point=len(begun), criterion=costs[len(begun) - 1])
 
-    monkeypatch.setattr("diagnosis.search.free_of_filter", free)
+    monkeypatch.setattr("diagnosis.turns.free_of_filter", free)
     found = in_turns(None, SimpleNamespace(point=0, criterion=12.0))  # type: ignore[arg-type]
     assert found.criterion == 7.0
     assert begun == [0, 1, 2]
@@ -1063,11 +1062,13 @@ def test_a_timing_stays_where_a_fit_without_it_ends_elsewhere(monkeypatch: pytes
     far = replace(nominal, error=10.0 * nominal.error, innovation=10.0 * nominal.innovation)
     monkeypatch.setattr("diagnosis.timing._timed", lambda *given, **how: far)
     monkeypatch.setattr("diagnosis.timing.promises", lambda *given: {(True, False): 0.0, (False, True): 0.0})
+    monkeypatch.setattr("diagnosis.timing.in_turns", lambda problem, fitted: fitted)
     assert timing_settled(problem, timed) is timed
     assert timing_settled(problem, nominal) is far
     near = replace(far, innovation=timed.innovation, error=timed.error)
-    monkeypatch.setattr("diagnosis.timing._timed", lambda *given, **how: near)
+    monkeypatch.setattr("diagnosis.timing.in_turns", lambda problem, fitted: near)  # which may end nearer in turns
     assert timing_settled(problem, timed) is near
+    assert timing_settled(problem, nominal) is far
 
 
 def test_a_lag_that_an_earlier_command_takes_back_is_none() -> None:

@@ -1,0 +1,164 @@
+"""The state in which a log begins, as far as its readings do not show it: velocities, the twist of a spring or a play.
+
+Machines begin at rest, as a rule, an arm hanging in its spring; simulators often do not, and logs may be cut out of
+longer ones. A lightly damped spring remembers that for longer than the burn-in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from diagnosis.estimation import Fitted, Point, errors, predicted_motion
+from diagnosis.problem import Free, Problem, start_deviation
+from diagnosis.replay import transfer
+from diagnosis.turns import free_of_filter
+from diagnosis.whitening import Whitener, on_logs
+from envs.log import Array
+from methods.kernel import BEGINNING, NOMINAL
+
+VELOCITY, TWIST, TWIST_RATE = (BEGINNING.index(name) for name in ("velocity", "twist", "twist rate"))
+SMALL = 0.01
+"""Change of a state, as a share of its typical size, by which the response to it is taken."""
+WORTHWHILE = 2.0
+"""Least decrease of -2 log likelihood per twist."""
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A state of a joint at the beginning of logs (column of `methods.kernel.BEGINNING`) and its typical size."""
+
+    joint: int
+    column: int
+    size: float
+
+
+def twists(problem: Problem, point: Point) -> Iterator[Hidden]:
+    """The twist of every joint's spring or play and its rate.
+
+    Of the size that the largest motor torque t makes of it, ``t / (r J w^2) + g / 2``, with the inertia J, the share r
+    of it behind the spring, its natural frequency w, and the gap g of a play.
+    """
+    motion = None
+    for j in range(problem.joints):
+        for effect in problem.kernel.effects:
+            names = [parameter.name for parameter in effect.parameters]
+            if not point.switches[j, problem.kernel.switches[effect.name]] or "inertia_ratio" not in names:
+                continue
+            if motion is None:
+                motion = predicted_motion(problem, point)
+            own = dict(zip(names, point.parameters[0, j, problem.kernel.own(effect)].tolist(), strict=True))
+            frequency = 2.0 * np.pi * own["frequency"]
+            stiffness = point.parameters[0, j, NOMINAL.index("inertia")] * own["inertia_ratio"] * frequency**2
+            size = float(np.max(np.abs(motion[:, j, 2]))) / max(stiffness, 1e-300) + 0.5 * own.get("gap", 0.0)
+            yield Hidden(j, TWIST, size)
+            yield Hidden(j, TWIST_RATE, frequency * size)
+
+
+def twists_settled(problem: Problem, fitted: Fitted) -> Fitted:
+    """The fit with the twists of springs and plays at the beginning of every log free, where that does better.
+
+    Their prior is all that they cost: they are no properties of the machine. Begun with the errors as they are, since
+    the filter takes for noise what swings in all logs alike.
+    """
+    point, names = fitted.point, {f.name for f in fitted.point.free}
+    free = [
+        Free(name, "start", item.joint, item.column, item.size, log=log, deviation=item.size)
+        for item in twists(problem, point)
+        for log in range(problem.logs)
+        if (name := f"{BEGINNING[item.column]}@{item.joint}#{log}") not in names
+    ]
+    if not free:
+        return fitted
+    other = free_of_filter(problem, replace(point, free=(*point.free, *free)))
+    return other if other.criterion < fitted.criterion - WORTHWHILE * len(free) else fitted
+
+
+def started(problem: Problem, point: Point, filter_: Whitener) -> Point:
+    """A point fitted on other logs, made ready for these, with the states at their beginning and phases of periodic
+    disturbances as these logs have them."""
+    return with_phases(problem, with_states(problem, transfer(problem, point), filter_), filter_)
+
+
+def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
+    """The point with the velocities and twists at the beginning of these logs that their readings tell beside the
+    model.
+
+    The velocities of `transfer` are smoothed over a stretch in which a command that sets in at once may have changed
+    them by much. Here the whitened prediction errors of a log are regressed on the responses to other states, each
+    known beforehand: velocities as `start_deviation` says, twists by their typical size.
+    """
+    whiten, states = on_logs(problem, filter_), pushes(problem, point)
+    size = SMALL * np.array([item.size for item in states])
+    errors_, starts = errors(problem, [point, *pushed(point, states)]), point.starts.copy()
+    for log, (a, b) in enumerate(pairwise(problem.bounds)):
+        plain, *others = whiten(of_log(problem, errors_, log)).reshape(len(states) + 1, -1)
+        noise = float(np.sqrt(np.mean(plain**2)))
+        speed = start_deviation(problem, np.max(np.abs(problem.velocity[a:b]), axis=0))
+        deviation = np.array([speed[item.joint] if item.column == VELOCITY else item.size for item in states])
+        basis = np.vstack([np.stack([other - plain for other in others], axis=1), np.diag(noise * size / deviation)])
+        change = size * np.linalg.lstsq(basis, np.concatenate([plain, np.zeros(len(states))]), rcond=None)[0]
+        for item, own in zip(states, change, strict=True):
+            starts[log, item.joint, item.column] -= own
+    moved = replace(point, starts=starts)
+    better = np.sum(whiten(errors(problem, [moved])[0]) ** 2) < np.sum(whiten(errors_[0]) ** 2)
+    return moved if better else point
+
+
+def pushes(problem: Problem, point: Point) -> list[Hidden]:
+    """All states at the beginning of logs that readings show badly or not at all."""
+    speeds = np.std(problem.velocity, axis=0).tolist()
+    return [*(Hidden(j, VELOCITY, speed) for j, speed in enumerate(speeds)), *twists(problem, point)]
+
+
+def pushed(point: Point, states: Sequence[Hidden]) -> list[Point]:
+    """The model with another state at the beginning of all logs, one at a time."""
+    found = []
+    for item in states:
+        starts = point.starts.copy()
+        starts[:, item.joint, item.column] += SMALL * item.size
+        found.append(replace(point, starts=starts))
+    return found
+
+
+def of_log(problem: Problem, errors_: Array, log: int) -> Array:
+    """Errors (C, T, n) of one log, zero in the others."""
+    window = slice(problem.bounds[log], problem.bounds[log + 1])
+    own = np.zeros_like(errors_)
+    own[:, window] = errors_[:, window]
+    return own
+
+
+def with_phases(problem: Problem, point: Point, filter_: Whitener) -> Point:
+    """The point with the phases of periodic disturbances as each of these logs has them; amplitudes stay.
+
+    A disturbance has no reason to begin anew with a recording, so its phase is no property of the model. It is the
+    regression of the whitened prediction errors of a log on the responses to sine and cosine, and to the states at its
+    beginning that a coarse encoder shows badly and little friction remembers.
+    """
+    whiten = on_logs(problem, filter_)
+    for effect in problem.kernel.effects:
+        if effect.scan != "time":
+            continue
+        start = problem.kernel.offsets[effect.name]
+        pair = [start + a for a in effect.amplitudes]
+        for j in np.flatnonzero(point.switches[:, problem.kernel.switches[effect.name]]):
+            size = float(np.hypot(*point.parameters[0, j, pair]))
+            trials = []
+            for values in ((0.0, 0.0), (size, 0.0), (0.0, size)):
+                parameters = point.parameters.copy()
+                parameters[:, j, pair] = values
+                trials.append(replace(point, parameters=parameters))
+            errors_ = errors(problem, [*trials, *pushed(trials[0], pushes(problem, point))])
+            parameters = point.parameters.copy()
+            for log in range(problem.logs):
+                own = of_log(problem, errors_, log)
+                plain, *others = whiten(own).reshape(len(own), problem.joints, -1)[:, j]
+                basis = np.stack([other - plain for other in others], axis=1)
+                weights = -np.linalg.lstsq(basis, plain, rcond=None)[0][:2]
+                parameters[log, j, pair] = size * weights / max(float(np.linalg.norm(weights)), 1e-300)
+            point = replace(point, parameters=parameters)
+    return point

@@ -1,0 +1,42 @@
+"""Fits to the errors as they are and to their innovations in turns.
+
+A filter that is estimated from the errors may keep a fit where it began: it takes for slow noise what the model has yet
+to explain. The errors as they are have other local optima, and share the best one with their innovations.
+"""
+
+from __future__ import annotations
+
+from diagnosis.estimation import Fitted, Point, fit
+from diagnosis.problem import Problem
+from diagnosis.whitening import unfiltered
+
+TURNS = 4
+"""Most turns between the errors as they are and their innovations."""
+
+
+def in_turns(problem: Problem, fitted: Fitted) -> Fitted:
+    """A fit carried on with the errors as they are and their innovations in turns, as long as that finds better.
+
+    The two have the same best optimum but not the same others, and where one stops the other may go on.
+    """
+    for _ in range(TURNS):
+        other = free_of_filter(problem, fitted.point)
+        if not fitted.criterion - other.criterion > 1.0:
+            break
+        fitted = other
+    return fitted
+
+
+def free_of_filter(problem: Problem, point: Point) -> Fitted:
+    """Fit to the errors as they are, and from there to their innovations."""
+    return to_innovations(problem, to_errors(problem, point))
+
+
+def to_errors(problem: Problem, point: Point) -> Fitted:
+    """Fit to the errors as they are."""
+    return fit(problem, point, unfiltered(problem), rounds=1, iterations=10, renewed=False)
+
+
+def to_innovations(problem: Problem, fitted: Fitted) -> Fitted:
+    """A fit to the errors as they are carried on to their innovations."""
+    return fit(problem, fitted.point, rounds=2, iterations=6)

@@ -1,0 +1,109 @@
+"""States in which logs begin and that no reading shows: a spring or a play that is not at rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from diagnosis.beginning import TWIST, TWIST_RATE, started, twists, twists_settled
+from diagnosis.estimation import Point, errors, fit
+from diagnosis.hypotheses import Hypothesis, extend
+from diagnosis.nominal import JointStructure, fit_nominal, point_at
+from diagnosis.problem import Problem, stack
+from diagnosis.turns import in_turns
+from envs.log import Array, JointFacts, Log
+from methods.effects import built_in
+from methods.kernel import build
+
+EFFECTS = built_in()
+KERNEL = build(EFFECTS)
+NAMED = {effect.name: effect for effect in EFFECTS}
+DT, STEP = 2e-3, 1e-5
+MOTOR, ARM, DRAG, WEIGHT = 0.05, 0.02, 0.3, 0.2
+HERTZ, DAMPING = 6.0, 0.02
+STIFFNESS, FRICTION = ARM * (2 * np.pi * HERTZ) ** 2, 2 * DAMPING * ARM * 2 * np.pi * HERTZ
+STRUCTURE = (JointStructure(input="current", gravity="constant"),)
+HANGING = WEIGHT / STIFFNESS
+"""Angle of the motor before the arm at rest."""
+
+
+def swinging(seed: int, twist: float = 0.0, rate: float = 0.0) -> Log:
+    """A motor that carries an arm on a spring; motor angle less arm angle begins at `twist`, with `rate`. The exact
+    solution between samples, whose command is held."""
+    rng = np.random.default_rng(seed)
+    time = DT * np.arange(5000)
+    hertz = np.array([0.4, 1.1, 2.3, 4.1])
+    command = WEIGHT + np.sum(np.sin(2 * np.pi * np.outer(time, hertz) + rng.uniform(0, 6, 4)), axis=1)
+    twisted, twisting = np.array([1.0, 0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0, -1.0])
+    torque = STIFFNESS * twisted + FRICTION * twisting
+    rates = np.zeros((6, 6))  # angle and velocity of the motor, of the arm, the command, and one
+    rates[0, 1] = rates[2, 3] = 1.0
+    rates[1, :4], rates[3, :4] = -torque / MOTOR, torque / ARM
+    rates[1, 1] -= DRAG / MOTOR
+    rates[1, 4], rates[3, 5] = 1.0 / MOTOR, -WEIGHT / ARM
+    step, state, position = expm(DT * rates), np.array([0.0, 0.0, -twist, -rate, 0.0, 1.0]), np.zeros(len(time))
+    for k, u in enumerate(command):
+        position[k], state[4] = state[0], u
+        state = step @ state
+    facts = JointFacts(input="current", position_unit="rad", encoder_step=STEP)
+    return Log(time, command[:, None], STEP * np.round(position[:, None] / STEP), (1,), facts=(facts,), name=f"{seed}")
+
+
+def model_of(problem: Problem, name: str = "joint_flexibility", first: tuple[float, ...] = ()) -> Point:
+    """The model of the joint with a spring, or with an effect that has another parameter before those of the spring."""
+    known, rigid = {"inertia@0": MOTOR + ARM, "viscous@0": DRAG, "load@0": WEIGHT}, point_at(problem, STRUCTURE)[0]
+    rigid = rigid.at(np.array([known.get(f.name, v) for f, v in zip(rigid.free, rigid.vector, strict=True)]))
+    values = np.tile([*first, ARM / (MOTOR + ARM), HERTZ, DAMPING], (problem.logs, 1))
+    return extend(problem, rigid, Hypothesis(NAMED[name], 0), values)
+
+
+def rms(problem: Problem, error: Array) -> float:
+    return float(np.sqrt(np.mean(error[problem.used] ** 2)))
+
+
+def test_a_spring_that_begins_beside_its_rest_is_found_there() -> None:
+    """It begins unstretched, as in simulators, and swings about the angle in which it would hang."""
+    problem = stack(KERNEL, [swinging(1), swinging(2, twist=0.03, rate=-0.5)], (1,))
+    before = in_turns(problem, fit(problem, model_of(problem)))
+    after = twists_settled(problem, before)
+    assert rms(problem, after.error) < 0.3 * rms(problem, before.error)
+    assert rms(problem, after.error) < 1.5 * STEP / np.sqrt(12.0)
+    assert after.point.starts[:, 0, TWIST] == pytest.approx([-HANGING, 0.03 - HANGING], abs=0.05 * HANGING)
+    assert after.point.starts[:, 0, TWIST_RATE] == pytest.approx([0.0, -0.5], abs=0.02)
+    assert twists_settled(problem, after) is after
+
+
+def test_a_spring_at_rest_stays_there() -> None:
+    problem = stack(KERNEL, [swinging(seed, twist=HANGING) for seed in (1, 2)], (1,))
+    fitted = in_turns(problem, fit(problem, model_of(problem)))
+    assert rms(problem, fitted.error) < 1.5 * STEP / np.sqrt(12.0)
+    assert twists_settled(problem, fitted) is fitted
+
+
+def test_other_logs_begin_as_their_readings_tell() -> None:
+    problem = stack(KERNEL, [swinging(1, twist=HANGING), swinging(2, twist=HANGING)], (1,))
+    fitted = in_turns(problem, fit(problem, model_of(problem)))
+    other = stack(KERNEL, [swinging(3, twist=-0.02, rate=1.0)], (1,))
+    point = started(other, fitted.point, fitted.whitener)
+    assert point.starts[0, 0, TWIST] == pytest.approx(-0.02 - HANGING, abs=0.05 * HANGING)
+    assert point.starts[0, 0, TWIST_RATE] == pytest.approx(1.0, abs=0.03)
+    unknown = replace(point, starts=point.starts * np.array([1.0, 1.0, 1.0, 0.0, 0.0]))
+    assert rms(other, errors(other, [point])[0]) < 0.3 * rms(other, errors(other, [unknown])[0])
+
+
+def test_the_twist_of_a_play_is_of_the_size_of_its_gap_and_of_what_the_torque_bends() -> None:
+    gap, problem = 0.02, stack(KERNEL, [swinging(1)], (1,))
+    twist, rate = twists(problem, model_of(problem, "backlash", (gap,)))
+    assert (twist.joint, twist.column, rate.column) == (0, TWIST, TWIST_RATE)
+    assert twist.size == pytest.approx(0.5 * gap + np.max(np.abs(problem.command)) / STIFFNESS, rel=0.02)
+    assert rate.size == pytest.approx(2 * np.pi * HERTZ * twist.size)
+
+
+def test_only_springs_and_plays_have_a_twist() -> None:
+    problem = stack(KERNEL, [swinging(1)], (1,))
+    nominal = fit_nominal(problem, STRUCTURE)
+    assert list(twists(problem, nominal.point)) == []
+    assert twists_settled(problem, nominal) is nominal

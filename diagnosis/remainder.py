@@ -194,14 +194,19 @@ def scattering(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> A
     """What noise makes of the innovations (DRAWS, N n), weighted, of a joint in which small causes grow; (0, N n) else.
 
     Behind impacts a small torque makes errors that are no longer small nor independent of the motion, whatever the
-    whitening. So the model is simulated once more with a random torque that has the spectrum of the unexplained one.
+    whitening. So the model is simulated once more with a random torque that has the spectrum of the unexplained one:
+    in the band of the motion, and beyond it no more than its mean there, falling with the square of the frequency, as
+    behind a first-order lag. What blows make of the errors there is no torque.
     """
     nothing: Array = np.zeros((0, fitted.innovation.size))
     if not scatters(problem, fitted.point, joint):
         return nothing
     generator, (frequency, power, band) = np.random.default_rng(0), torque_spectrum(problem, fitted, joint, motion)
     count, noise = len(problem.time), fitted.weights
-    size = np.sqrt(np.interp(np.fft.rfftfreq(count, problem.sample_time), frequency, np.where(band, power, 0.0)))
+    edge = frequency[band][-1] if np.any(band) else 0.0
+    beyond = np.mean(power[band]) * (edge / np.maximum(frequency, edge)) ** 2 if edge > 0.0 else 0.0
+    power = np.where(band, power, np.minimum(power, beyond))
+    size = np.sqrt(np.interp(np.fft.rfftfreq(count, problem.sample_time), frequency, power))
     extra = np.zeros((DRAWS, count, problem.joints))
     extra[:, :, joint] = np.fft.irfft(np.fft.rfft(generator.standard_normal((DRAWS, count))) * size, count)
     changed = errors(problem, [fitted.point] * DRAWS, extra=extra)

@@ -106,11 +106,11 @@ def replay(
         scratch = np.zeros((count, n))
         for begin, state in zip(begins, held, strict=False):
             stop = min(begin + width, count)
-            advance(begin, stop, *inputs, *corrected(state, shift[begin]), *model, *free, scratch, none)
+            advance(begin, stop, *inputs, *corrected(problem, point, state, shift[begin]), *model, *free, scratch, none)
             windows[a:b][begin:stop] = bounded(scratch[begin:stop])
         seconds += clock.perf_counter() - started
         simulated += len(begins) * width
-        advance(first, count, *inputs, *corrected(held[0], shift[first]), *model, *free, scratch, none)
+        advance(first, count, *inputs, *corrected(problem, point, held[0], shift[first]), *model, *free, scratch, none)
         whole[a:b][first:] = bounded(scratch[first:])
     return Replay(prediction, windows, whole, moved, 1e6 * seconds / max(simulated, 1))
 
@@ -135,12 +135,12 @@ def corrections(problem: Problem, error: Array) -> Array:
     return np.stack([smooth, rate + problem.leak * smooth], axis=-1)
 
 
-def corrected(state: tuple[Array, Array], shift: Array) -> tuple[Array, Array]:
-    """A copy of the observer's states with angle and velocity (of motor and load side) corrected; shift (n, 2)."""
+def corrected(problem: Problem, point: Point, state: tuple[Array, Array], shift: Array) -> tuple[Array, Array]:
+    """A copy of the observer's states with angle and velocity of the encoder's side corrected; shift (n, 2)."""
     states, bristles = state[0].copy(), state[1].copy()
-    for motor, load in ((0, 5), (1, 6)):
-        states[:, motor] += shift[:, motor]
-        states[:, load] += shift[:, motor]
+    for j in range(problem.joints):
+        angle, velocity = (5, 6) if problem.kernel.module._load_side(point.switches[j]) else (0, 1)
+        states[j, [angle, velocity]] += shift[j]
     return states, bristles
 
 

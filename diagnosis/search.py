@@ -12,12 +12,13 @@ import numpy as np
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
 from diagnosis.first_fits import first_fits, further, on_all_samples, retimed, seen_in_part
 from diagnosis.glance import Glance, can_be_glanced_at, glance
-from diagnosis.hypotheses import Hypothesis, Start, extend, proposals, sizes_of, withdraw
+from diagnosis.hypotheses import AT_ONCE, MEMORY, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
 from diagnosis.problem import Problem
 from diagnosis.regression import View
 from diagnosis.resonance import ringing
 from diagnosis.turns import free_of_filter, to_errors, to_innovations
+from diagnosis.whitening import whitener
 from envs.log import Array
 from methods.effects.base import Effect, Scales
 from methods.kernel import NOMINAL
@@ -39,6 +40,8 @@ RETRIED = 3
 """Laws that are fitted once more, to the errors as they are."""
 COLOURED = 5.0
 """Rms of the errors over that of their innovations from which that is done."""
+MET = 2
+"""Starting values from which an effect is fitted in whose motion small causes grow."""
 CLOSE = 0.75
 """Share of the best first fit's decrease from which a hypothesis is fitted to all samples, where a part is enough."""
 NEAR = 0.9
@@ -142,6 +145,7 @@ def try_all(
     rough += each(lambda item: (item[0], fit(problem, item[1], rounds=1, iterations=item[2])), other)
     rough += each(lambda item: (item[0], containing(problem, base, item[1])), hopeful)
     rough += [found for effect, j in plainly for found in rung(problem, base, effect, j)]
+    rough += [found for effect, j in plainly for found in met(problem, base, effect, j, sizes[j])]
     promises = {(start.hypothesis.effect.name, start.hypothesis.joint): start.promise for start in reversed(lists[0])}
     scored = [score(problem, base, start, fitted) for start, fitted in rough]
     return _converged(problem, base, scored, promises, finals, known, look)
@@ -175,6 +179,38 @@ def rung(problem: Problem, base: Fitted, effect: Effect, joint: int) -> list[tup
         return []
     start, best = min(fits, key=lambda item: item[1].criterion)
     return [(start, to_innovations(problem, best))]
+
+
+def met(problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales) -> list[tuple[Start, Fitted]]:
+    """The best fit of an effect in whose motion small causes grow, begun where it comes closest as it is.
+
+    A regression on what it would do to the prediction tells nothing there: the same blow a little later is another
+    motion. Simulated with each of its starting values, and with a filter of its own, it shows at once.
+    """
+    if not effect.scatters or effect.starts is None:
+        return []
+    every = [np.tile(np.array(values, float), (problem.logs, 1)) for values in effect.starts(size)]
+    starts = [Start(Hypothesis(effect, joint), values, 0.0, len(every)) for values in every]
+    points = [extend(problem, base.point, start.hypothesis, start.values) for start in starts]
+    cost = price(problem, starts[0], base.samples)
+    count, before = max(2, min(AT_ONCE, MEMORY // base.error.size)), float(np.sum(base.error[problem.used] ** 2))
+    close: list[tuple[float, Start, Point]] = []
+    for first_one in range(0, len(points), count):
+        part = slice(first_one, first_one + count)
+        outcomes = list(zip(starts[part], points[part], errors(problem, points[part]), strict=True))
+        nearer = [item for item in outcomes if float(np.sum(item[2][problem.used] ** 2)) < before]
+        close += each(lambda item: (unfitted(problem, base, *item[1:]).criterion, *item[:2]), nearer)
+    close = sorted((item for item in close if item[0] + cost < base.criterion), key=lambda item: item[0])[:MET]
+    fits = [(start, fit(problem, point, rounds=2, iterations=8)) for _, start, point in close]
+    fits += [(start, free_of_filter(problem, point)) for _, start, point in close]
+    return [min(fits, key=lambda item: item[1].criterion)] if fits else []
+
+
+def unfitted(problem: Problem, base: Fitted, point: Point, error: Array) -> Fitted:
+    """A model as it is, with its errors and their innovations behind a filter of its own; its sensitivities are those
+    of the base."""
+    innovation = whitener(problem, error)(error)
+    return replace(base, point=point, error=error, innovation=innovation, credible=problem.credible(error))
 
 
 def score(problem: Problem, base: Fitted, start: Start, fitted: Fitted) -> Scored:

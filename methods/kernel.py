@@ -1043,13 +1043,12 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             pull = 1.0 - math.exp(-leak * dt)
             caught = 1.0 - math.exp(-CATCHING_UP * leak * dt)
             for j in range(n):
-                S[j, Q] += pull * out[k, j]
-                S[j, QL] += pull * out[k, j]
+                angle, rate = (QL, DQL) if _load_side(on[j]) else (Q, DQ)
+                S[j, angle] += pull * out[k, j]
                 S[j, BESIDE] += caught * (P[j, FOLLOWING] * (1.0 - pull) * out[k, j] - S[j, BESIDE])
                 beside[j] = S[j, BESIDE]
-                if rate_leak > 0.0 and S[j, DQ] != 0.0:
-                    S[j, DQ] += rate_leak * dt * out[k, j]
-                    S[j, DQL] += rate_leak * dt * out[k, j]
+                if rate_leak > 0.0 and S[j, rate] != 0.0:
+                    S[j, rate] += rate_leak * dt * out[k, j]
         for j in range(n):
             if with_x:
                 xs[j, 0] = x[k, j, 0]; xs[j, 1] = x[k, j, 1]; xs[j, 2] = x[k, j, 2]
@@ -1536,16 +1535,18 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                 before = dt
                 pull = 1.0 - math.exp(-leak * dt)
                 caught = 1.0 - math.exp(-CATCHING_UP * leak * dt)
-            _added(S, Q_, pull, ERROR_)
+            if split and senses:
+                for l in range(n):
+                    S[(QL_ if _load_side(on[l]) else Q_) + l] += pull * S[ERROR_ + l]
+            else:
+                _added(S, Q_, pull, ERROR_)
             for l in range(LANES):
                 S[BESIDE_ + l] += caught * (S[FOLLOWING_ + l] * (1.0 - pull) * S[ERROR_ + l] - S[BESIDE_ + l])
-            if split:
-                _added(S, QL_, pull, ERROR_)
             if rate_leak > 0.0:
                 for l in range(n):
-                    if S[DQ_ + l] != 0.0:
-                        S[DQ_ + l] += rate_leak * dt * S[ERROR_ + l]
-                        S[DQL_ + l] += rate_leak * dt * S[ERROR_ + l]
+                    rate = DQL_ if rigid is None and _load_side(on[l]) else DQ_
+                    if S[rate + l] != 0.0:
+                        S[rate + l] += rate_leak * dt * S[ERROR_ + l]
         if with_extra:
             for l in range(n):
                 S[OUTER_ + l] = extra_in[rows[l], origin[l] + min(k, ends_at[l] - 1)]

@@ -630,6 +630,22 @@ def test_effects_that_make_held_out_logs_worse_are_not_the_right_ones() -> None:
     assert found == {0: Failure(pytest.approx(2.0), noise=False)}
 
 
+def test_where_small_causes_grow_the_prediction_has_to_be_worse_too() -> None:
+    """A free simulation behind impacts soon goes another way than the joint; a model in the middle errs less."""
+    solved = solved_of(read_of(model_of(FRICTION)), "coulomb_friction")
+    nominal, after = solved.ledger[-2:]
+    better = replace(nominal, replay=replace(after.replay, windows=0.5 * after.replay.windows))
+    play = effects_of("backlash")[0]
+    accepted = tuple(
+        replace(item, scored=replace(item.scored, start=replace(item.scored.start, hypothesis=Hypothesis(play, 0))))
+        for item in solved.finding.accepted
+    )
+    rough = replace(solved.finding, accepted=accepted)
+    assert not failures(solved.problem, solved.held_out, rough, [better, after])
+    worse = replace(rough, final=rough.nominal, nominal=rough.final)
+    assert failures(solved.problem, solved.held_out, worse, [better, after])
+
+
 def test_errors_that_no_reading_shows_are_no_failure() -> None:
     """Less than a step of the encoder and than a twentieth of the nominal model's error, whatever the noise floor."""
     solved = solved_of(read_of(model_of(FRICTION)), "coulomb_friction")

@@ -9,11 +9,12 @@ from scipy.signal import lfilter
 
 from diagnosis.engine import Settings, unexplained
 from diagnosis.estimation import Fitted, covariance, fit, predicted_motion
-from diagnosis.hypotheses import Hypothesis, extend
+from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, stack
 from diagnosis.remainder import Remainder, remainder, scattering, torque_spectrum
 from diagnosis.run import growth_said
+from diagnosis.search import met
 from diagnosis.whitening import unfiltered
 from envs.log import JointFacts, Log
 from methods.base import State
@@ -103,7 +104,7 @@ def without_its_cable(stiffness: float) -> Remainder:
 
 def shows(left: Remainder) -> bool:
     """Whether something is missing: in the motion or, where the fit stops short, as a torque as no amplifier has."""
-    return left.excess > 5.0 * left.scattered or left.disturbance_share > 2.0 * Settings().disturbance
+    return left.excess > 5.0 * left.scattered or left.disturbance_share > 1.5 * Settings().disturbance
 
 
 @pytest.mark.parametrize("stiffness", [0.25, 0.35])
@@ -117,6 +118,27 @@ def test_where_a_fit_stops_short_a_missing_effect_is_a_torque_as_no_amplifier_ha
 ) -> None:
     assert play[2].disturbance_share < Settings().disturbance
     assert without_its_cable(0.5).disturbance_share > 2.0 * Settings().disturbance
+
+
+def test_behind_impacts_a_play_is_begun_where_it_comes_closest() -> None:
+    """Its motion is so far from that without it that no regression leads there, and the simulation itself does."""
+    problem, effect = problem_of(PLAY), NAMED["backlash"]
+    base = fit_nominal(problem, (JointStructure(),))
+    size = sizes_of(problem, base)[0]
+    ((start, fitted),) = met(problem, base, effect, 0, size)
+    assert start.searched == len(list(effect.starts(size)))
+    assert fitted.criterion < base.criterion - 10_000.0
+    found = fitted.point.parameters[0, 0, KERNEL.own(effect)]
+    assert found[:2] == pytest.approx([PLAY["backlash"]["gap"], PLAY["backlash"]["inertia_ratio"]], rel=0.05)
+
+
+@pytest.mark.parametrize(("hidden", "tried"), [({}, "backlash"), (PLAY, "joint_flexibility")])
+def test_nothing_is_begun_where_there_is_no_play_and_no_other_effect(
+    hidden: dict[str, dict[str, float]], tried: str
+) -> None:
+    problem = problem_of(hidden)
+    base = fit_nominal(problem, (JointStructure(),))
+    assert met(problem, base, NAMED[tried], 0, sizes_of(problem, base)[0]) == []
 
 
 def test_a_missing_effect_explains_more_than_noise_lets_others_explain() -> None:

@@ -9,6 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from diagnosis.beginning import TWIST, TWIST_RATE, started, twists, twists_settled
+from diagnosis.engine import find
 from diagnosis.estimation import Point, errors, fit
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, fit_nominal, point_at
@@ -74,6 +75,16 @@ def test_a_spring_that_begins_beside_its_rest_is_found_there() -> None:
     assert after.point.starts[:, 0, TWIST] == pytest.approx([-HANGING, 0.03 - HANGING], abs=0.05 * HANGING)
     assert after.point.starts[:, 0, TWIST_RATE] == pytest.approx([0.0, -0.5], abs=0.02)
     assert twists_settled(problem, after) is after
+
+
+def test_the_search_names_a_spring_that_begins_beside_its_rest() -> None:
+    problem = stack(KERNEL, [swinging(1), swinging(2)], (1,))
+    held_out = stack(KERNEL, [swinging(3)], (1,))
+    candidates = [NAMED[name] for name in ("joint_flexibility", "coulomb_friction", "quadratic_drag")]
+    finding = find(problem, STRUCTURE, candidates, held_out=held_out)
+    assert finding.verdict == "named"
+    assert [item.name for item in finding.accepted] == ["joint_flexibility"]
+    assert any(f.column == TWIST for f in finding.final.point.free if f.kind == "start")
 
 
 def test_a_spring_at_rest_stays_there() -> None:

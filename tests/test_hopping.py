@@ -9,7 +9,7 @@ from diagnosis.hopping import Optimum, distances, hopped, likely
 
 
 def test_a_fit_behind_impacts_finds_a_better_optimum_nearby() -> None:
-    begun = {"backlash": {name: 1.1 * value for name, value in PLAY["backlash"].items()}}
+    begun = {"backlash": {name: 1.5 * value for name, value in PLAY["backlash"].items()}}
     problem = problem_of(PLAY)
     fitted = fitted_with(problem, begun)
     best, optima = hopped(problem, fitted)

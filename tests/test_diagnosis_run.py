@@ -378,6 +378,7 @@ def test_canonical_parameters() -> None:
     values = {"torque": 0.3, "excess": 0.2, "velocity": 0.1, "exponent": 2.0, "rounding": 0.01}
     assert blended.change(values) == pytest.approx({**static, "exponent": 2.0, "rounding": 0.01})
     assert list(blended.dimensions) == ["torque", "static_torque", "velocity", "exponent", "rounding"]
+    assert list(canonical(known["tailed_stribeck_friction"]).dimensions)[3:] == ["exponent", "tail"]
     assert canonical(known["backlash_power"]).dimensions["exponent"] == "ratio"
     spring = canonical(known["cable_spring"]).change({"stiffness": 0.5, "pull": 0.1})
     assert spring["rest_angle"] == pytest.approx(0.2)

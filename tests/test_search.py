@@ -215,6 +215,16 @@ def test_saturation_by_a_power_contains_the_rational_law() -> None:
     assert power(0.0, 0.0, 0.0, 1.7, (0.3, 1.0)) == pytest.approx(rational(0.0, 0.0, 0.0, 1.7, (0.3,)))
 
 
+def test_a_tail_turns_the_exponential_fall_of_friction_into_the_lorentzian() -> None:
+    fall, tailed = (NAMED[name].function for name in ("stribeck_friction", "tailed_stribeck_friction"))
+    assert fall is not None
+    assert tailed is not None
+    level = lambda law, v, *shape: law(0.0, 0.0, v, 0.0, (0.3, 0.2, 0.1, *shape))  # noqa: E731
+    for v in (0.0, 0.02, -0.1, 0.4, 3.0):
+        assert level(tailed, v, 2.0, 1.0) == pytest.approx(0.3 + 0.2 / (1.0 + (v / 0.1) ** 2))
+        assert level(tailed, v, 1.5, 1e-3) == pytest.approx(level(fall, v, 1.5), abs=2e-4)
+
+
 def moved(name: str, parameters: dict[str, float], nominal: dict[str, float] | None = None, seconds: float = 4.0):
     """Positions of the joint under a slow and a fast wave, with one effect."""
     time = DT * np.arange(int(seconds / DT))

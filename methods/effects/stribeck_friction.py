@@ -67,4 +67,35 @@ ROUNDED = replace(
     resolved=lambda p, s: turns_slowly(p[4], s) and p[4] < p[2],
     expected_failures=(),
 )
-EFFECTS = (EFFECT, ROUNDED)
+
+
+def tailed(t, q, dq, w, p):
+    """torque + excess (1 + tail |dq / velocity|^exponent)^(-1 / tail)."""
+    return p[0] + p[1] * math.pow(abs(1.0 + p[4] * math.pow(abs(dq / p[2]), p[3])), -1.0 / p[4])
+
+
+TAILED = replace(
+    EFFECT,
+    name="tailed_stribeck_friction",
+    kind="stribeck_friction",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter(
+            "tail",
+            "ratio",
+            "slowness of the fall at high velocity: 0 the exponential, 1 the Lorentzian form",
+            1e-3,
+            2.0,
+        ),
+    ),
+    equation=r"\tau_f = [T_c + (T_s - T_c)\,(1 + h\,|\dot q/v_s|^{\delta})^{-1/h}]\,\mathrm{sign}(\dot q)",
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit 1994; Lorentzian: Hess, Soom 1990",
+    includes=("stribeck_friction", "coulomb_friction"),
+    after="stribeck_friction",
+    starts=lambda s: [
+        (0.02 * s.torque_rms, 0.01 * s.torque_rms, share * s.velocity_rms, 2.0, 1.0) for share in (0.03, 0.1, 0.25, 0.6)
+    ],
+    function=tailed,
+    neutral=(1e-3,),
+)
+EFFECTS = (EFFECT, ROUNDED, TAILED)

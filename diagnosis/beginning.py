@@ -45,9 +45,9 @@ def twists(problem: Problem, point: Point) -> Iterator[Hidden]:
     motion = None
     for j in range(problem.joints):
         for effect in problem.kernel.effects:
-            names = [parameter.name for parameter in effect.parameters]
-            if not point.switches[j, problem.kernel.switches[effect.name]] or "inertia_ratio" not in names:
+            if not (point.switches[j, problem.kernel.switches[effect.name]] and effect.parts_the_arm):
                 continue
+            names = [parameter.name for parameter in effect.parameters]
             if motion is None:
                 motion = predicted_motion(problem, point)
             own = dict(zip(names, point.parameters[0, j, problem.kernel.own(effect)].tolist(), strict=True))

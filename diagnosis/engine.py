@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from diagnosis.arm_damping import arm_damping_settled, undivided
 from diagnosis.beginning import started, twists_settled
 from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.following import following_settled
@@ -420,14 +421,15 @@ class Search:
         scored = polish(problem, path.base, chosen.scored)
         fitted, optima = in_turns(problem, scored.fitted), path.optima
         if chosen.effect.scatters:  # an effect found beside it changes little of where the optimum is
-            fitted, optima = hopped(problem, fitted)
+            fitted, optima = hopped(problem, arm_damping_settled(problem, fitted))
         chosen = replace(chosen, scored=scored.refitted(path.base, fitted))
         unseen = frozenset() if is_resolved(problem, chosen.scored) else stood_for(chosen)
         chosen = simplified(problem, path.base, chosen, self.effects, settings)
         accepted, chosen = merged(problem, accepted, chosen, settings)
         accepted.append(chosen)
         base = limits_settled(problem, chosen.scored.fitted, self.structures)
-        base = timing_settled(problem, windings_settled(problem, twists_settled(problem, base)))
+        base = arm_damping_settled(problem, twists_settled(problem, base))
+        base = timing_settled(problem, windings_settled(problem, base))
         base = following_settled(problem, base)
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
@@ -1191,7 +1193,7 @@ def _weakest(problem: Problem, base: Fitted, accepted: Sequence[Accepted]) -> tu
 
 def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
     """The model refitted without one of its effects."""
-    point = withdraw(problem, base.point, item.name, item.joint)
+    point = undivided(problem, withdraw(problem, base.point, item.name, item.joint))
     return fit(problem, point, rounds=2, iterations=4, tolerance=1e-4)
 
 

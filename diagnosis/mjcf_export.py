@@ -6,6 +6,7 @@ joint moves a body of its own; a planar pair moves two links whose lengths and m
 
 ===================== =====================================================================
 nominal joint         explicit inertia, joint damping, ``dcmotor`` with L/R, gravity on an offset mass
+arm behind a spring   its own damping on a fixed tendon
 coulomb_friction      ``frictionloss``, soft where it is found as a soft constraint
 stribeck_friction     LuGre bristle of a passive ``dcmotor``, stiff enough to be dry friction
 presliding_friction   the same with its own stiffness
@@ -136,6 +137,7 @@ def _built(
         if item.part.compensator is not None:
             missing.append((item.part.joint, COMPENSATOR))
         _constant(item)
+        _arm_damping(item)
         if not _gravity(item, single=model.coupling is None or item.part.joint not in model.joints[:2]):
             missing.append((item.part.joint, "gravity"))
     spec.compile()
@@ -234,6 +236,20 @@ def _constant(item: _Joint) -> None:
     if item.joint.stiffness[0] == 0.0:
         item.joint.stiffness[0] = 1e-6 * abs(item.torque(item.constant))
     item.joint.springref -= item.torque(item.constant) / item.joint.stiffness[0]
+
+
+def _arm_damping(item: _Joint) -> None:
+    """Viscous friction on the arm: of its own velocity, not of that at which it leaves the motor."""
+    damping = item.torque(item.part.nominal.get("arm_viscous", 0.0))
+    if damping == 0.0:
+        return
+    if not item.body.bodies:
+        item.joint.damping[0] += damping
+        return
+    tendon = item.spec.add_tendon(name=f"{item.name}_arm")
+    tendon.damping[0] = damping
+    for name in (item.name, f"{item.name}_load"):
+        tendon.wrap_joint(name, 1.0)
 
 
 def _gravity(item: _Joint, *, single: bool) -> bool:

@@ -14,6 +14,7 @@ SYMBOLS = {
     "gravity_sine": "G_s",
     "gravity_cosine": "G_c",
     "load": "L",
+    "arm_viscous": "b_l",
 }
 """Nominal parameters by the letters of the equation of motion."""
 RESISTING = (r"\tau_f", r"\tau_c", r"\tau_d", r"\tau_g", r"\tau")
@@ -37,9 +38,15 @@ def model_equations(joint: JointResult) -> tuple[Formula, ...]:
     terms = [r"J\,\ddot q", r"B\,\dot q", *(term for name, term in GRAVITY if name in names)]
     terms += [side for side, formula in laws if side is not None and formula.effect is not None]
     lines = []
-    if "electrical_time_constant" in names:
+    electrical, behind = "electrical_time_constant" in names, "arm_viscous" in names
+    if electrical or behind:
         terms[1] = r"b\,\dot q"
-        lines.append(Formula(rf"T_e\,\dot w + w = {driven} - k\,\dot q,\quad B = b + k", None))
+    whole = "B = b" + " + k" * electrical + " + b_l" * behind
+    if behind:
+        lines.append(Formula(rf"J r\,\ddot q_l + b_l\,\dot q_l = F,\quad {whole}", None))
+    if electrical:
+        shares = "" if behind else rf",\quad {whole}"
+        lines.append(Formula(rf"T_e\,\dot w + w = {driven} - k\,\dot q{shares}", None))
     elif motor == "w":
         motor = driven
     lines.append(Formula(f"{' + '.join(terms)} = {motor}", None))

@@ -22,7 +22,7 @@ from diagnosis.result import Estimate, NominalParameter, ParameterEstimate
 from envs.log import COMMAND_UNIT, Array, InputKind
 from envs.robot import Joint as RobotJoint
 from methods.effects.base import Dimension, Effect
-from methods.kernel import NOMINAL
+from methods.kernel import DAMPING, NOMINAL
 
 INEXACT = 2e-4
 """Least standard deviation of a parameter as a share of it: what integrators, rounded laws and clocks may differ by."""
@@ -285,8 +285,7 @@ def _on_the_logs_clock(effect: Effect, name: str, value: float, begin: float, ot
 
 NOMINAL_DIMENSIONS: dict[str, Dimension] = {
     "inertia": "inertia",
-    "viscous": "torque per velocity",
-    "back_emf": "torque per velocity",
+    **dict.fromkeys(DAMPING, "torque per velocity"),
     "electrical_time_constant": "time",
     "gravity_sine": "torque",
     "gravity_cosine": "torque",
@@ -296,8 +295,8 @@ NOMINAL_DIMENSIONS: dict[str, Dimension] = {
 
 PARTS: dict[str, tuple[str, ...]] = {
     "inertia": ("inertia",),
-    "damping": ("viscous", "back_emf"),
-    **{name: (name,) for name in NOMINAL[3:7]},
+    "damping": DAMPING,
+    **{name: (name,) for name in (*NOMINAL[3:7], "arm_viscous")},
 }
 """Nominal parameters as they are reported; command and angle determine the damping as a whole."""
 
@@ -305,7 +304,8 @@ PARTS: dict[str, tuple[str, ...]] = {
 def nominal_parameters(
     nominal: Fitted, final: Fitted, spreads: tuple[Array, Array], j: int, joint: JointUnits, given: Mapping[str, float]
 ) -> tuple[NominalParameter, ...]:
-    """Nominal parameters of joint index j before and after the effects, input-equivalent; damping is one number."""
+    """Nominal parameters of joint index j before and after the effects, input-equivalent; damping is one number, and
+    beside it, where there is a spring or a play, what of it acts behind that."""
     found = []
     for title, parts in PARTS.items():
         before, after = (_estimate(f, s, parts, j, joint) for f, s in zip((nominal, final), spreads, strict=True))

@@ -19,7 +19,7 @@ from scipy.signal import savgol_filter
 from envs.log import Array, Log
 from envs.log_statistics import quantisation_step
 from methods.effects.base import Scales
-from methods.kernel import BEGINNING, NOMINAL, Kernel
+from methods.kernel import BEGINNING, DAMPING, NOMINAL, Kernel
 
 SEGMENT = 60_000  # samples of one segment of a long recording
 DIVERGED = 1e6  # prediction error [rad or m] that stands for a simulation that left all bounds
@@ -437,7 +437,7 @@ def scales(problem: Problem, nominal: Array, torque: Array, joint: int) -> Scale
         velocity_rms=max(rms(velocity), 1e-12),
         velocity_peak=max(float(np.max(np.abs(velocity))), 1e-12),
         inertia=float(nominal[NOMINAL.index("inertia")]),
-        damping=float(nominal[NOMINAL.index("viscous")] + nominal[NOMINAL.index("back_emf")]),
+        damping=float(sum(nominal[NOMINAL.index(name)] for name in DAMPING)),
         duration=float(
             np.max(
                 [

@@ -20,7 +20,7 @@ from scipy.signal import lfilter, savgol_filter
 from diagnosis.estimation import Fitted, Point
 from diagnosis.problem import Problem, bounded, smooth_derivatives
 from envs.log import Array
-from methods.kernel import NOMINAL, STATES
+from methods.kernel import DAMPING, NOMINAL, STATES
 from methods.two_layer_network import TwoLayerNetwork, pack
 
 CORRECTION = 0.1
@@ -156,13 +156,14 @@ def input_equivalent(problem: Problem, point: Point, error: Array, seconds: floa
         e, rate, bend = smooth_derivatives(problem.time[a:b], error[a:b], max(seconds, 8 * dt))
         speed = rate + problem.leak * e
         for j, p in enumerate(point.parameters[log]):
-            inertia, viscous, back_emf, lag = (
-                p[NOMINAL.index(name)] for name in ("inertia", "viscous", "back_emf", "electrical_time_constant")
+            inertia, viscous, arm_viscous, back_emf, lag = (
+                p[NOMINAL.index(name)]
+                for name in ("inertia", "viscous", "arm_viscous", "back_emf", "electrical_time_constant")
             )
             keep = np.exp(-dt / lag) if lag > 0 else 0.0
             braked = lfilter([1.0 - keep], [1.0, -keep], speed[:, j])
             change = bend[:, j] + problem.leak * rate[:, j]
-            result[a:b, j] = inertia * change + viscous * speed[:, j] + back_emf * braked
+            result[a:b, j] = inertia * change + (viscous + arm_viscous) * speed[:, j] + back_emf * braked
     return result
 
 
@@ -191,7 +192,7 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
     q0 = savgol_filter(error, span, 3)
     v0 = savgol_filter(error, span, 3, deriv=1, delta=dt) + problem.leak * q0
     p = fitted.point.parameters[0, j]
-    inertia, damping = p[NOMINAL.index("inertia")], p[NOMINAL.index("viscous")] + p[NOMINAL.index("back_emf")]
+    inertia, damping = p[NOMINAL.index("inertia")], sum(p[NOMINAL.index(name)] for name in DAMPING)
     rates = np.array([[0.0, 1.0], [-stiffness(problem, fitted.point, j) / inertia, -damping / inertia]])
     step = expm(rates * dt)
     begins = np.arange(span, count - width - span, width)

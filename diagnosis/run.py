@@ -65,7 +65,7 @@ from envs.log_files import write_atomically
 from methods.base import MethodError
 from methods.effects import compiled_with, vocabulary
 from methods.effects.base import Effect
-from methods.kernel import NOMINAL, build
+from methods.kernel import DAMPING, NOMINAL, build
 from methods.structured import StructuredModel
 from methods.two_layer_network import TwoLayerNetwork
 
@@ -448,7 +448,7 @@ def joint_result(
     own_gap = gap(solved.held_out, list(solved.ledger), j, joint, units.position, floor, on, rng)
     given = next((step.point for step in solved.ledger if step.role == "as given"), None)
     numbers = {} if given is None else dict(zip(NOMINAL[:7], given.parameters[0, j, :7].tolist(), strict=True))
-    numbers["damping"] = numbers.get("viscous", 0.0) + numbers.get("back_emf", 0.0)
+    numbers["damping"] = sum(numbers.get(name, 0.0) for name in DAMPING)
     named = tuple(named_effect(solved, item, spread, joint, units) for item in finding.accepted if item.joint == j)
     left = finding.remainders[j]
     said = solved.verdict if len(solved.joints) == 1 or solved.verdict == "unknown" or named else "none"

@@ -120,6 +120,7 @@ def _estimates(
         for j in range(len(group)):
             row = point.parameters[0, j]
             named = dict(zip(NOMINAL[:7], row[:7].tolist(), strict=True))
+            named["viscous"] += row[NOMINAL.index("arm_viscous")]
             if point.switches[j, problem.kernel.switches[FRICTION]]:
                 named[FRICTION] = float(row[problem.kernel.offsets[FRICTION]])
             free = {f.name.partition("@")[0] for f in point.free if f.joint == j} | {FRICTION, "inertia", "viscous"}

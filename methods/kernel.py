@@ -72,6 +72,7 @@ NOMINAL = (
     "timing",
     "stepping",
     "following",
+    "arm_viscous",
     "arm",
     *(f"arm_shape_{i + 1}" for i in range(SHAPES)),
 )
@@ -81,8 +82,10 @@ timing: by how much the command acts after it is logged [s], negative in the log
 read. stepping: 1 for a simulator that takes one semi-implicit Euler step per sample, friction by the sign of the
 velocity before it, else 0. following: share of the prediction's error before a step that is added to the position in
 the laws of the motor's position; 1 where they see the readings, 0 where the prediction. In free simulation there is
-nothing to follow.
+nothing to follow. arm_viscous: viscous friction behind a spring or a play; without one it adds to the other.
 """
+DAMPING = ("viscous", "back_emf", "arm_viscous")
+"""Nominal parameters that add up to a joint's damping."""
 _compiling = threading.Lock()
 STATES = 8
 """States of a joint: angle, velocity, motor torque, command behind the amplifier's lag, relative rise of resistance,
@@ -106,7 +109,7 @@ LANE_ROWS = (
 )
 """Rows of the lanes' scratch: states, states within a step, their rates, the same at its beginning and summed over its
 stages, in the same order, then what the lanes need once; those of the parameters follow."""
-STANDING = ("INERTIA", "LOAD", "GRAVITY_SINE", "GRAVITY_COSINE", "FOLLOWING")
+STANDING = ("INERTIA", "LOAD", "GRAVITY_SINE", "GRAVITY_COSINE", "FOLLOWING", "ARM_VISCOUS")
 """Nominal parameters that lanes read where they stand among the others."""
 IN_LANES = {
     "math.sin(": "_sine(",
@@ -391,7 +394,7 @@ def _source(kernel: Kernel) -> str:
 
 _TEMPLATE = '''
 INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
-TIMING, STEPPING, FOLLOWING, ARM = range(9, 13)
+TIMING, STEPPING, FOLLOWING, ARM_VISCOUS, ARM = range(9, 14)
 Q, DQ, W, A, HEAT, QL, DQL, BESIDE = range(8)
 TWIST, TWIST_RATE = range(3, 5)  # columns of what a joint begins with
 OTHER, LAGGING, PROMPT = range(3)  # how the motors of all lanes follow their command
@@ -632,13 +635,13 @@ def _yielded(r, dq, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _chain(t, q, dq, w, heat, arm, u, x, p, on, has, load):
+def _chain(t, q, dq, w, heat, viscous, arm, u, x, p, on, has, load):
     """Motor and torques of one joint: (w, w', heat', torque on the inertia without dry friction, level of dry
-    friction). arm: torque on the arm, where no spring or play is in between."""
+    friction). viscous, arm: friction and torque on the arm as well, where no spring or play is in between."""
     w, change, heating, r = _motor(q, dq, w, heat, u, p, on)
     if has[1]:
         r *= _gain(t, q, dq, w, p, on)
-    r -= p[VISCOUS] * dq + arm + load
+    r -= viscous * dq + arm + load
     if has[2]:
         r -= _torque(t, q, dq, w, x, p, on)
     r = _yielded(r, dq, p, on)
@@ -731,9 +734,10 @@ def _planar(t, q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, first, second, on1, o
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _joined(t, q, dq, ql, dql, rhs, arm, p, on):
-    """Accelerations of motor side and load side, the net torque rhs on the former and `arm` against the latter: (q'',
-    q_l'', torque between the sides)."""
+    """Accelerations of motor side and load side, the net torque rhs on the former and `arm` against the latter, beside
+    its viscous friction: (q'', q_l'', torque between the sides)."""
     inertia = p[INERTIA] + _payload(t, p, on)
+    arm += p[ARM_VISCOUS] * dql
     if _flexible(on):
         first = FLEX_LOAD_P if FLEX_LOAD >= 0 and on[FLEX_LOAD] else FLEX_P
         share, omega = p[first], 2.0 * math.pi * p[first + 1]
@@ -795,8 +799,9 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
         q, dq = S[j, Q], S[j, DQ]
         split = (_flexible(on[j]) or _playing(on[j])) and not (pair and j < 2)
         arm = _on_arm(t, S[j, QL] if split else q, dq, S[j, W], x[j], p, on[j], has[j, 2], pair and j < 2)
+        viscous = p[VISCOUS] if split else p[VISCOUS] + p[ARM_VISCOUS]
         w, D[j, W], D[j, HEAT], r, level[j] = _chain(
-            t, q + beside[j], dq, S[j, W], S[j, HEAT], 0.0 if split else arm, u[j], x[j], p, on[j], has[j],
+            t, q + beside[j], dq, S[j, W], S[j, HEAT], viscous, 0.0 if split else arm, u[j], x[j], p, on[j], has[j],
             bristle[j] + extra[j])
         S[j, W] = w
         rhs[j] = r - sign[j] * level[j]
@@ -1178,6 +1183,8 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
         S[W_ + l], S[LAG_ + l] = starts[l, 2], u[begins[l]]
         S[MOBILITY_ + l] = p[l, MOBILITY]
         S[VISCOUS_ + l], S[EMF_ + l] = p[l, VISCOUS], p[l, BACK_EMF]
+        if not (_flexible(on[l]) or _playing(on[l])):
+            S[VISCOUS_ + l] += p[l, ARM_VISCOUS]
         S[ELECTRICAL_ + l] = p[l, ELECTRICAL_RATE]
         S[LATE_ + l] = _lateness(p[l], on[l])
         S[LIMIT_ + l] = p[l, LIMIT] if p[l, LIMIT] > 0.0 else np.inf
@@ -1287,14 +1294,16 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
             al *= 1.0 * (abs(d) > S[HALF_ + l]) * (1.0 * (al * d >= 0.0))
             S[R_ + l] -= S[INERTIA_ + l] * S[SHARE_ + l] * al
             S[DDQ_ + l] = S[R_ + l] / (S[INERTIA_ + l] * (1.0 - S[SHARE_ + l]))
-            S[DDQL_ + l] = al - S[ARM_ + l] / (S[INERTIA_ + l] * max(S[SHARE_ + l], SMALL))
+            arm = S[ARM_ + l] + S[ARM_VISCOUS_ + l] * S[DQLS_ + l]
+            S[DDQL_ + l] = al - arm / (S[INERTIA_ + l] * max(S[SHARE_ + l], SMALL))
     elif ends == SPRING:
         for l in range(LANES):
             pull = S[OMEGA_ + l] * (S[QS_ + l] - S[QLS_ + l])
             al = S[OMEGA_ + l] * (pull + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
             S[R_ + l] -= S[INERTIA_ + l] * S[SHARE_ + l] * al
             S[DDQ_ + l] = S[R_ + l] / (S[INERTIA_ + l] * (1.0 - S[SHARE_ + l]))
-            S[DDQL_ + l] = al - S[ARM_ + l] / (S[INERTIA_ + l] * max(S[SHARE_ + l], SMALL))
+            arm = S[ARM_ + l] + S[ARM_VISCOUS_ + l] * S[DQLS_ + l]
+            S[DDQL_ + l] = al - arm / (S[INERTIA_ + l] * max(S[SHARE_ + l], SMALL))
     else:
         for l in range(n):
             S[DDQ_ + l], S[DDQL_ + l], between = _joined(

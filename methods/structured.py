@@ -20,7 +20,7 @@ from envs.robot import Robot
 from methods.base import MethodError, Model, Motion, State
 from methods.effects import built_in, vocabulary
 from methods.effects.base import Effect
-from methods.kernel import BEGINNING, NOMINAL, STATES, Kernel, build
+from methods.kernel import BEGINNING, DAMPING, NOMINAL, STATES, Kernel, build
 from methods.two_layer_network import TwoLayerNetwork, pack
 
 FORMAT = 1
@@ -55,7 +55,7 @@ class StructuredJoint:
     @property
     def damping(self) -> float:
         """Torque per velocity, mechanical and by back-EMF [command unit s/rad]."""
-        return self.nominal.get("viscous", 0.0) + self.nominal.get("back_emf", 0.0)
+        return sum(self.nominal.get(name, 0.0) for name in DAMPING)
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ class StructuredModel(Model):
         """
         time = np.ascontiguousarray(time, dtype=np.float64)
         parameters = self.arrays[0]
-        inertia, damping = parameters[:, 0], parameters[:, 1] + parameters[:, 2]
+        inertia, damping = parameters[:, 0], np.array([part.damping for part in self.parts])
         drive = inertia * motion.acceleration + damping * motion.velocity
         ahead = np.array([self._dead_time(part) for part in self.parts])
         best, least = drive, np.inf

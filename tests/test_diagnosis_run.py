@@ -482,6 +482,23 @@ def test_mujoco_follows_the_extended_model(name: str) -> None:
     assert difference < 5e-5 + 0.02 * effect
 
 
+@pytest.mark.parametrize("name", ["coulomb_friction", "joint_flexibility"])
+def test_mujoco_follows_a_model_with_friction_on_the_arm(name: str) -> None:
+    from diagnosis.mjcf_export import export, reproduction
+
+    plain = model_of({name: IN_MUJOCO[name]})
+    (part,) = plain.parts
+    model = replace(plain, parts=(replace(part, nominal={**part.nominal, "arm_viscous": 0.1}),))
+    time, command = excitation(1000)
+    exported = export(model, [0.008], ["shoulder"])
+    effect = rms(
+        model.simulate(time, command, State.at_rest(0.0)).position
+        - plain.simulate(time, command, State.at_rest(0.0)).position
+    )
+    assert exported.missing == ()
+    assert reproduction(model, exported, ["shoulder"], command)[0] < 5e-5 + 0.02 * effect
+
+
 @pytest.mark.parametrize("effect", [effect for effect in built_in() if effect.parameters], ids=lambda e: e.name)
 def test_mujoco_loads_an_effect_at_its_lower_bounds(effect: Effect) -> None:
     from diagnosis.mjcf_export import export, reproduction

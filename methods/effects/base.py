@@ -165,6 +165,11 @@ class Effect:
         return tuple(i for i in range(self.size) if i not in self.amplitudes)
 
     @property
+    def parts_the_arm(self) -> bool:
+        """Whether it puts a spring or a play between motor and arm, with a share of the inertia behind it."""
+        return any(parameter.name == "inertia_ratio" for parameter in self.parameters)
+
+    @property
     def has_motor_torque(self) -> bool:
         """Whether the motor torque enters its law: mechanical damping and back-EMF then act differently."""
         return self.drives or self.slot == "gain" or self._reads(MOTOR_TORQUE.get(self.slot))

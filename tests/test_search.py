@@ -363,6 +363,33 @@ def test_what_comes_from_outside_pushes(name: str, parameters: tuple[float, ...]
     assert function(1.25, 0.0, 0.0, 0.0, np.zeros(3), parameters) == pytest.approx(-0.3)
 
 
+def test_gravity_over_a_short_range_is_begun_with_its_whole_weight() -> None:
+    """All that is felt of it is its slope, a torque far smaller than the weight."""
+    inertia, drag, weight, stiff = 0.06, 0.12, 1.1, 8.0
+    hertz = np.array([0.2, 0.5, 1.1, 2.3])
+    time, logs = 4e-3 * np.arange(5000), []
+    facts = JointFacts(input="torque", position_unit="rad", encoder_step=3.8e-4)
+    for shift in (0.0, 2.0):
+        target = 0.05 + 0.02 * np.sum(np.sin(2 * np.pi * np.outer(time, hertz) + np.arange(4) + shift), axis=1)
+        state, command, position = np.array([0.05, 0.0]), np.zeros((len(time), 1)), np.zeros(len(time))
+        for k, wanted in enumerate(target):
+            position[k] = state[0]
+            command[k] = stiff * (wanted - state[0]) - 0.8 * state[1]
+            for _ in range(4):
+                rate = (command[k, 0] - drag * state[1] - weight * np.sin(state[0])) / inertia
+                state = state + 1e-3 * np.array([state[1] + 0.5e-3 * rate, rate])
+        reading = 3.8e-4 * np.round(position[:, None] / 3.8e-4)
+        logs.append(Log(time, command, reading, (1,), facts=(facts,), name=f"{shift}"))
+    problem = stack(KERNEL, logs, (1,))
+    base = fit_nominal(problem, (JointStructure(input="torque"),))
+    candidates = [(NAMED[name], 0) for name in ("gravity_tilt", "cable_spring")]
+    starts = proposals(problem, [View.of(problem, base)], candidates, sizes_of(problem, base))[0]
+    best = {start.hypothesis.effect.name: start for start in reversed(starts)}
+    assert np.ptp(problem.reading) < 0.3
+    assert best["gravity_tilt"].values[0, 0] == pytest.approx(weight, rel=0.3)
+    assert best["gravity_tilt"].promise > 0.95 * best["cable_spring"].promise > 1000.0
+
+
 def test_geometric() -> None:
     assert geometric(1.0, 8.0, 2.1) == pytest.approx([1.0, 2.0, 4.0, 8.0])
     assert geometric(3.0, 2.0, 2.0) == [3.0]

@@ -13,6 +13,12 @@ def torque(t, q, dq, w, x, p):
     return p[0] * math.sin(q) + p[1] * math.cos(q)
 
 
+def starts(s):
+    """Weights that are felt: over a short range it is their difference that is, the rest being a constant load."""
+    size = 0.02 * s.torque_rms / min(s.position_span, 1.0)
+    return [(size, size)] if s.revolute else []
+
+
 EFFECT = Effect(
     name="gravity_tilt",
     stage="arm",
@@ -25,6 +31,6 @@ EFFECT = Effect(
     variable="position",
     source="Khalil and Dombre",
     amplitudes=(0, 1),
-    starts=lambda s: [(0.02 * s.torque_rms, 0.02 * s.torque_rms)] if s.revolute else [],
+    starts=starts,
     function=torque,
 )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from diagnosis.arm_damping import ARM_VISCOUS, arm_damping_settled, undivided
-from diagnosis.engine import find
+from diagnosis.engine import find, without
 from diagnosis.estimation import Fitted, fit
 from diagnosis.hypotheses import Hypothesis, extend, withdraw
 from diagnosis.nominal import JointStructure, point_at
@@ -82,12 +84,16 @@ def test_friction_on_the_motor_stays_there() -> None:
 
 def test_damping_is_one_number_again_without_the_spring() -> None:
     problem, before = sprung(1.0)
-    point = arm_damping_settled(problem, before).point
+    fitted = arm_damping_settled(problem, before)
+    point = fitted.point
     whole = undivided(problem, withdraw(problem, point, "joint_flexibility", 0))
     assert whole.parameters[0, 0, ARM_VISCOUS] == 0.0
     assert whole.parameters[0, 0, VISCOUS] == pytest.approx(DRAG, rel=0.02)
     assert not any(f.name == "arm_viscous@0" for f in whole.free)
     assert undivided(problem, point) is point
+    spring = SimpleNamespace(name="joint_flexibility", joint=0)
+    pruned = without(problem, fitted, spring)  # type: ignore[arg-type]
+    assert not any(f.name == "arm_viscous@0" for f in pruned.point.free)
 
 
 def test_the_search_finds_friction_on_an_arm_that_a_voltage_drives() -> None:

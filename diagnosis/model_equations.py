@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from diagnosis.result import JointResult, NamedEffect
 
@@ -14,9 +14,11 @@ SYMBOLS = {
     "gravity_sine": "G_s",
     "gravity_cosine": "G_c",
     "load": "L",
-    "arm_viscous": "b_l",
+    "arm_damping": "b_l",
 }
 """Nominal parameters by the letters of the equation of motion."""
+ARM = r"J r\,\ddot q_l = F"
+"""How an arm behind a spring moves."""
 RESISTING = (r"\tau_f", r"\tau_c", r"\tau_d", r"\tau_g", r"\tau")
 """Left-hand sides of laws that resist the motion, and so join the equation of motion on its left."""
 
@@ -38,19 +40,24 @@ def model_equations(joint: JointResult) -> tuple[Formula, ...]:
     terms = [r"J\,\ddot q", r"B\,\dot q", *(term for name, term in GRAVITY if name in names)]
     terms += [side for side, formula in laws if side is not None and formula.effect is not None]
     lines = []
-    electrical, behind = "electrical_time_constant" in names, "arm_viscous" in names
+    electrical, behind = "electrical_time_constant" in names, "arm_damping" in names
     if electrical or behind:
         terms[1] = r"b\,\dot q"
     whole = "B = b" + " + k" * electrical + " + b_l" * behind
-    if behind:
-        lines.append(Formula(rf"J r\,\ddot q_l + b_l\,\dot q_l = F,\quad {whole}", None))
     if electrical:
-        shares = "" if behind else rf",\quad {whole}"
-        lines.append(Formula(rf"T_e\,\dot w + w = {driven} - k\,\dot q{shares}", None))
+        lines.append(Formula(rf"T_e\,\dot w + w = {driven} - k\,\dot q,\quad {whole}", None))
     elif motor == "w":
         motor = driven
     lines.append(Formula(f"{' + '.join(terms)} = {motor}", None))
-    return (*lines, *(formula for _, formula in laws))
+    formulas = [formula for _, formula in laws]
+    if behind:
+        damped = ARM.replace("= F", r"+ b_l\,\dot q_l = F")
+        formulas = [replace(formula, tex=formula.tex.replace(ARM, damped)) for formula in formulas]
+        if not any(damped in formula.tex for formula in formulas):
+            lines.append(Formula(damped, None))
+        if not electrical:
+            lines.append(Formula(whole, None))
+    return (*lines, *formulas)
 
 
 def _laws(effects: tuple[NamedEffect, ...]) -> list[tuple[str | None, Formula]]:

@@ -296,7 +296,8 @@ NOMINAL_DIMENSIONS: dict[str, Dimension] = {
 PARTS: dict[str, tuple[str, ...]] = {
     "inertia": ("inertia",),
     "damping": DAMPING,
-    **{name: (name,) for name in (*NOMINAL[3:7], "arm_viscous")},
+    **{name: (name,) for name in NOMINAL[3:7]},
+    "arm_damping": ("arm_viscous",),
 }
 """Nominal parameters as they are reported; command and angle determine the damping as a whole."""
 

@@ -100,8 +100,15 @@ class NominalParameter:
     final: Estimate
 
     @property
+    def is_new(self) -> bool:
+        """Whether only the effects have made it a parameter, as a spring does of the arm's damping."""
+        return self.without.value == self.without.std == 0.0
+
+    @property
     def shift(self) -> float:
-        return (self.without.value - self.final.value) / abs(self.final.value) if self.final.value else 0.0
+        if self.is_new or not self.final.value:
+            return 0.0
+        return (self.without.value - self.final.value) / abs(self.final.value)
 
 
 @dataclass(frozen=True)

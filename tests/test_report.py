@@ -346,6 +346,22 @@ def test_every_law_is_typeset(effect) -> None:
     assert text.count("<use") > 3
 
 
+def test_damping_of_an_arm_behind_a_spring_has_its_equation_and_no_shift() -> None:
+    joint = joint_result(1, "named", "log")
+    split = nominal("arm_damping", "V s/rad", None, (0.0, 0.0), (0.0135, 0.0006))
+    joint = replace(joint, nominal=(*joint.nominal, split))
+    for name in ("joint_flexibility", "backlash"):
+        law = next(e for e in built_in() if e.name == name)
+        sprung = replace(joint, effects=(replace(joint.effects[0], name=name, equation=law.equation),))
+        lines = [formula.tex for formula in model_equations(sprung)]
+        assert sum(r"J r\,\ddot q_l + b_l\,\dot q_l = F" in line for line in lines) == 1
+        assert any(line.endswith("+ b_l") for line in lines)
+        assert any(r"b\,\dot q" in line for line in lines)
+    assert split.is_new
+    assert split.shift == 0.0
+    assert [parameter.name for parameter in joint.nominal if parameter.is_new] == ["arm_damping"]
+
+
 def test_laws_that_share_a_symbol_are_numbered() -> None:
     joint = joint_result(1, "named", "log")
     drag = next(e for e in built_in() if e.name == "quadratic_drag")

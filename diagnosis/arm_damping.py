@@ -37,7 +37,11 @@ def arm_damping_settled(problem: Problem, fitted: Fitted) -> Fitted:
     if not joints:
         return fitted
     cost = len(joints) * float(np.log(fitted.samples))
-    points = [_damped(fitted.point, joints, *shares) for shares in BEGINNINGS]
+    points: list[Point] = []
+    for shares in BEGINNINGS:
+        point = _damped(fitted.point, joints, *shares)
+        if not any(np.array_equal(point.parameters, other.parameters) for other in points):
+            points.append(point)
     fits = each(lambda point: free_of_filter(problem, point), points)
     closest = min(fits, key=lambda option: float(np.sum(option.error[problem.used] ** 2)))
     best = min(*fits, in_turns(problem, closest), key=lambda option: option.criterion)

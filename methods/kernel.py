@@ -1183,8 +1183,6 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
         S[W_ + l], S[LAG_ + l] = starts[l, 2], u[begins[l]]
         S[MOBILITY_ + l] = p[l, MOBILITY]
         S[VISCOUS_ + l], S[EMF_ + l] = p[l, VISCOUS], p[l, BACK_EMF]
-        if not (_flexible(on[l]) or _playing(on[l])):
-            S[VISCOUS_ + l] += p[l, ARM_VISCOUS]
         S[ELECTRICAL_ + l] = p[l, ELECTRICAL_RATE]
         S[LATE_ + l] = _lateness(p[l], on[l])
         S[LIMIT_ + l] = p[l, LIMIT] if p[l, LIMIT] > 0.0 else np.inf
@@ -1198,6 +1196,8 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
             S[HALF_ + l], S[SHARE_ + l], S[DAMPING_ + l] = 0.5 * p[l, first], p[l, first + 1], p[l, first + 3]
             S[OMEGA_ + l] = 2.0 * math.pi * p[l, first + 2]
             plays += 1
+        else:
+            S[VISCOUS_ + l] += p[l, ARM_VISCOUS]
         for column in range(P.shape[1]):
             S[(FIRST_PARAMETER + column) * LANES + l] = p[l, column]
         _present(on[l], has[l])

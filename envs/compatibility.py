@@ -10,7 +10,7 @@ import numpy as np
 
 from envs.log import JointFacts, Log, LogError
 from envs.log_statistics import quantisation_step
-from envs.plausibility import Rough, moved, works_backwards
+from envs.plausibility import Rough, moved, rough, works_backwards
 from envs.robot import Robot
 from envs.validation import Finding, command_column
 
@@ -26,6 +26,8 @@ EXPLAINED = 0.7
 SURE = 0.9
 #: The same for what only the inertia explains: beside a large back-EMF, a winding's lag passes for a smaller one.
 OWN = 0.03
+#: Shares of the largest command at which a drive may clip it, and how much less that may explain.
+LIMITS, LOST = np.geomspace(0.7, 0.02, 16), 0.02
 
 
 def with_robot(log: Log, robot: Robot) -> tuple[Log, tuple[Finding, ...]]:
@@ -173,8 +175,8 @@ def check_together(logs: Sequence[Log]) -> tuple[Finding, ...]:
 def machine_findings(logs: Sequence[Log]) -> Iterator[Finding]:
     """Whether all logs move the same inertia.
 
-    Raises LogError when it differs as that of one machine never does, and no inertia between the two explains both: an
-    amplifier that clips a large command softly makes it look like a multiple of the inertia.
+    Raises LogError when it differs as that of one machine never does, and neither an inertia between the two nor a
+    limit of the command explains both: a drive that clips a large command makes it look like a multiple of the inertia.
     """
     known = [(log, item) for log in logs if (item := lone_inertia(log)) is not None]
     for log, (joint, physics) in known[1:]:
@@ -186,7 +188,12 @@ def machine_findings(logs: Sequence[Log]) -> Iterator[Finding]:
             continue
         said = f"joint {joint} of {log.name} moves {factor:.2g} times the inertia of that of {other.name}"
         sure = min(physics.explained, reference.explained) > SURE
-        if max(factor, 1.0 / factor) >= REFUSED_MACHINE and sure and explained_by_one(physics, reference) < EXPLAINED:
+        refused = max(factor, 1.0 / factor) >= REFUSED_MACHINE and sure
+        if (
+            refused
+            and explained_by_one(physics, reference) < EXPLAINED
+            and not explained_by_a_limit((log, physics), (other, reference), joint)
+        ):
             raise LogError(
                 f"{said}: these are recordings of different machines, or in different units",
                 remedy="Give logs of one machine in the same units",
@@ -205,6 +212,26 @@ def explained_by_one(first: Rough, second: Rough) -> float:
     common = np.sum(own / best) / np.sum(own / best**2)
     explained = np.array([first.explained, second.explained]) - own * (common / best - 1.0) ** 2
     return float(np.min(explained))
+
+
+def explained_by_a_limit(one: tuple[Log, Rough], two: tuple[Log, Rough], joint: int) -> bool:
+    """Whether with some limit of the command both recordings, each with its rough physics, move about the same inertia,
+    explained as well as without.
+
+    Where all commands of a recording are cut to a tenth, they stand for ten times the inertia.
+    """
+    column = one[0].index(joint)
+    largest = max(float(np.max(np.abs(log.command[:, column]))) for log, _ in (one, two))
+    for limit in largest * LIMITS:
+        cut: list[float] = []
+        for log, free in (one, two):
+            limited = rough(replace(log, command=np.clip(log.command, -limit, limit)), joint)
+            if limited is None or limited.inertia is None or limited.explained < free.explained - LOST:
+                break
+            cut.append(limited.inertia)
+        if len(cut) == 2 and 1.0 / OTHER_MACHINE < cut[0] / cut[1] < OTHER_MACHINE:
+            return True
+    return False
 
 
 def difference_findings(first: Log, log: Log) -> Iterator[Finding]:

@@ -59,3 +59,27 @@ def test_two_machines() -> None:
     coarse = swing()
     coarse = replace(coarse, position=1e-3 * np.round(coarse.position / 1e-3), time=3.0 * coarse.time)
     assert [finding.kind for finding in check_together([log, coarse])] == ["different_encoder", "different_rate"]
+
+
+def driven(command: np.ndarray, inertia: float = 0.02, limit: float = np.inf) -> Log:
+    """Readings at 500 Hz of an inertia with a damper behind a drive that clips its command."""
+    t, position, velocity = 2e-3 * np.arange(len(command)), np.zeros(len(command)), 0.0
+    for k in range(1, len(t)):
+        for _ in range(10):
+            velocity += 2e-4 * (np.clip(command[k - 1], -limit, limit) - 0.05 * velocity) / inertia
+            position[k] += 2e-4 * velocity
+        position[k] += position[k - 1]
+    return Log(t, command[:, None], position[:, None], (1,), facts=(JointFacts(encoder_step=1e-4),), name="log")
+
+
+def test_a_drive_that_clips_is_no_other_machine() -> None:
+    """All commands of a log cut to a tenth look like ten times the inertia; those of another machine do as well, but no
+    limit explains waves of all sizes."""
+    t = 2e-3 * np.arange(5000)
+    wave = 0.1 * sum(np.sin(2 * np.pi * f * t + f) for f in (0.4, 1.1, 2.3))
+    steps = np.where(np.sin(2 * np.pi * 4.0 * t) > 0.0, 2.5, -2.5)
+    small = driven(wave, limit=0.3)
+    (said,) = check_together([small, driven(steps, limit=0.3)])
+    assert said.kind == "different_machine"
+    with pytest.raises(LogError, match="different machines"):
+        check_together([small, driven(10.0 * wave, inertia=0.2)])

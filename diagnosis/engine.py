@@ -18,7 +18,15 @@ from diagnosis.hopping import Optimum, distances, hopped
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, command_response, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
-from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, windings_settled, without_limits
+from diagnosis.nominal import (
+    HOPELESS,
+    JointStructure,
+    fit_nominal,
+    limits_settled,
+    point_at,
+    windings_settled,
+    without_limits,
+)
 from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import Problem, in_band
 from diagnosis.regression import View
@@ -37,11 +45,12 @@ from diagnosis.search import (
     score,
     stuck,
     try_all,
+    unfitted,
     with_limiting_effects,
     within,
 )
 from diagnosis.timing import SHIFT, timing_settled
-from diagnosis.turns import free_of_filter, in_turns
+from diagnosis.turns import free_of_filter, in_turns, to_errors, to_innovations
 from diagnosis.whitening import on_logs
 from envs.log import Array
 from methods.effects.base import Effect
@@ -75,6 +84,8 @@ SIMULTANEOUS = 0.2
 """Time [s] between two events that are taken for one."""
 TIMED = 0.75
 """Share of the best evidence from which the best form of a law is compared with a timing of its own."""
+END = 2.0
+"""Budgets of simulations after which a search seeks no further effects."""
 LIMITED = 0.25
 """The same for torque limits that act or do not."""
 DRIVEN_BY = {"position": "place", "motor torque": "motor", "command": "motor"}
@@ -109,7 +120,8 @@ class Settings:
     unexplained, as a share of the command's rms, below which it is put down to integrators and inexact laws; a further
     effect needs half of that, or all beside one in which small causes grow. inexact: share of what was explained above
     which no such excuse holds, unless the torque stays below `seen`: rounding is not quite noise.
-    budget: simulations of all logs after which no other ways are tried.
+    budget: simulations of all logs, of each joint by itself, after which no other ways are tried; after twice as many
+    no further effects are sought.
     """
 
     threshold: float = 12.0
@@ -166,7 +178,7 @@ class Finding:
     band: upper frequency [Hz] of the comparison that chose the effects; None: the whole band.
     refused: what was tried last and not accepted, best first. patched: joints whose effects are pieces of another law.
     optima: see `Path`. traded: the fits in which the amplifier's lag is another one of the lags in series.
-    is_cut: whether other ways were left untried because the search had taken its budget.
+    is_cut: whether other ways were left untried, or further effects, because the search had taken its budget.
     """
 
     verdict: Verdict
@@ -316,7 +328,7 @@ class Path:
     best first. equals: effects with their joints and the laws that explained nearly as much when they were taken.
     unsteady: the evidence for disturbances that were refused because not all logs have them. optima: where
     fits stopped in rough ground when a play was found (`diagnosis.hopping`). is_cut: whether the budget left other ways
-    from here untried.
+    from here untried, or further effects.
     """
 
     base: Fitted
@@ -375,6 +387,10 @@ class Search:
         problem, settings = self.problem, self.settings
         limit = settings.limit * problem.joints
         while candidates := self.candidates(path, is_full=distinct(path.accepted) >= limit):
+            if path.accepted and self.taken > END:
+                path = replace(path, left=remainders(problem, path.base))
+                path = replace(path, is_cut=path.excess > 0.0)
+                break
             self.tell(f"looking for effect {len(path.accepted) + 1}")
             explained = self.nominal.criterion - path.base.criterion
             needed = -np.inf
@@ -482,7 +498,7 @@ class Search:
         Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
         """
         asks = path.excess > 0.0 and (len(path.accepted) > 1 or self.incomplete(path))
-        is_cut = asks and self.is_spent
+        is_cut = path.is_cut or (asks and self.is_spent)
         if asks and not is_cut:
             path = self.exchanged(path)
         for earlier, other in path.forks[:FORKS]:
@@ -541,9 +557,15 @@ class Search:
         )
 
     @property
+    def taken(self) -> float:
+        """Simulations so far over the budget; two joints that move together take twice as long for one."""
+        simulations = self.problem.joints * self.problem.work.samples / len(self.problem.time)
+        return simulations / max(self.settings.budget, 1)
+
+    @property
     def is_spent(self) -> bool:
         """Whether the search has taken its budget of simulations."""
-        return self.problem.work.samples > self.settings.budget * len(self.problem.time)
+        return self.taken > 1.0
 
     def incomplete(self, path: Path) -> bool:
         """Whether something is left that neither noise nor inexact laws account for."""
@@ -604,9 +626,15 @@ def also_from_regression(
         for effect, j in candidates
         if effect.name == DRY and friction[j] > least[j]
     ]
-    points = [extend(problem, point, start.hypothesis, start.values) for start in starts]
-    fits = each(lambda own: free_of_filter(problem, own), points)
-    return either(ranked, [score(problem, base, *item) for item in zip(starts, fits, strict=True)])
+    limit = ranked[0].fitted.criterion + base.samples * np.log(HOPELESS)
+
+    def carried_on(start: Start) -> Scored | None:
+        found = to_errors(problem, extend(problem, point, start.hypothesis, start.values))
+        if unfitted(problem, base, found.point, found.error).criterion > limit:
+            return None
+        return score(problem, base, start, to_innovations(problem, found))
+
+    return either(ranked, [scored for scored in each(carried_on, starts) if scored is not None])
 
 
 def either(ranked: Sequence[Scored], others: Sequence[Scored]) -> list[Scored]:

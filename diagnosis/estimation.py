@@ -87,8 +87,14 @@ def errors(problem: Problem, points: Sequence[Point], extra: Array | None = None
 
 
 def predicted_motion(problem: Problem, point: Point) -> Array:
-    """Predicted angle, velocity and motor torque (T, n, 3) of a point; see `Problem.motion`."""
-    return problem.motion(point.parameters, point.switches, point.rigid, point.starts)
+    """Predicted angle, velocity and motor torque (T, n, 3) of a point; see `Problem.motion`. Simulated once as long as
+    the point lives; not to be written into."""
+    motion = problem.motions.get(point)
+    if motion is None:
+        motion = problem.motion(point.parameters, point.switches, point.rigid, point.starts)
+        motion.flags.writeable = False
+        problem.motions[point] = motion
+    return motion
 
 
 def plain(problem: Problem, fitted: Fitted) -> Fitted:

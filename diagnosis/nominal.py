@@ -22,6 +22,10 @@ EVEN = 20.0
 """Least decrease of -2 log likelihood for which stamps are put aside."""
 TOLERANCE = 0.5
 """Share by which a stated time constant or inertia may be wrong (one standard deviation)."""
+HOPELESS = 2.0
+"""Mean square of the innovations over that of the fit so far, from which a first fit is not carried on."""
+FAR = 1.15
+"""The same for a fit that begins where the other one ended."""
 
 
 Gravity = Literal["none", "constant", "pendulum"]
@@ -195,7 +199,9 @@ def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fit
     if any(s.torque_limit > 0.0 for s in structures):
         largest = np.max(np.abs(problem.command), axis=0)
         if any(0.0 < s.torque_limit < largest[j] for j, s in enumerate(structures)):
-            limited = _fit_nominal(problem, structures)
+            limited = fit(problem, point_at(problem, structures)[0], rounds=1, iterations=3)
+            if limited.criterion < best.criterion + best.samples * np.log(HOPELESS):
+                limited = fit(problem, limited.point, rounds=3, iterations=12)
             if limited.criterion < best.criterion:
                 best = limited
     return timing_settled(problem, best)
@@ -209,10 +215,6 @@ def without_limits(problem: Problem, fitted: Fitted) -> Fitted | None:
     parameters = fitted.point.parameters.copy()
     parameters[..., column] = 0.0
     return fit(problem, replace(fitted.point, parameters=parameters), rounds=3, iterations=12)
-
-
-HOPELESS = 2.0
-"""Mean square of the innovations over that of the fit so far, from which a first fit is not carried on."""
 
 
 def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStructure, ...]) -> Fitted:
@@ -231,7 +233,7 @@ def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStru
         parameters = fitted.point.parameters.copy()
         parameters[:, j, column] = 0.0 if acts else structure.torque_limit
         other = fit(problem, replace(fitted.point, parameters=parameters), rounds=1, iterations=3)
-        if other.criterion > fitted.criterion + fitted.samples * np.log(HOPELESS):
+        if other.criterion > fitted.criterion + fitted.samples * np.log(FAR):
             continue
         other = fit(problem, other.point, rounds=2, iterations=8)
         if other.criterion < fitted.criterion:

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -89,7 +90,7 @@ class Problem:
     leak [rad/s] pulls the predicted angle towards the measured one, rate_leak [1/s^2] the velocity; burn_in [s] is what
     is discarded at the beginning of every log while initial errors of the angle decay. decimation: the errors are
     compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band). stamps: see `Stamps`.
-    command_limits: largest command per joint, 0 where unknown.
+    command_limits: largest command per joint, 0 where unknown. motions: see `diagnosis.estimation.predicted_motion`.
     """
 
     kernel: Kernel
@@ -113,6 +114,7 @@ class Problem:
     starts: Array = field(default_factory=lambda: np.zeros((0, 0, len(BEGINNING))))
     arm: KnownTorques | None = None
     work: Work = field(default_factory=Work)
+    motions: WeakKeyDictionary[Any, Array] = field(default_factory=WeakKeyDictionary, init=False, repr=False)
 
     @property
     def joints(self) -> int:

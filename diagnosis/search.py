@@ -309,6 +309,7 @@ def _converged(
     leading = {law(s.start): s for s in reversed(order)}  # of the forms that the logs can show, if there are any
     leading |= {law(s.start): s for s in reversed(order) if is_resolved(problem, s)}
     order = [s for s in order if hoped(s) - s.price >= FORM * (hoped(leading[law(s.start)]) - s.price)]
+    order = [s for s in order if not is_idle(s, order)]
     least, close = (share * max((s.decrease for s in order), default=0.0) for share in (CHANCE, CLOSE))
     final = each(continued, [s for s in order if hoped(s) >= least])
     top = max((scored.decrease for scored in final), default=0.0)
@@ -325,12 +326,21 @@ def _converged(
     return list(best.values())
 
 
+def is_idle(scored: Scored, others: Sequence[Scored]) -> bool:
+    """Whether a general form of a law explains no more than a form that it contains, whose place it may still take
+    (`generalised`)."""
+    inner = (s for s in others if law(s.start) == law(scored.start) and s.name in scored.effect.includes)
+    return any(s.evidence >= scored.evidence for s in inner)
+
+
 def stuck(problem: Problem, final: Sequence[Scored]) -> list[Scored]:
-    """The best hypotheses, if even with the first of them the errors are far more than innovations.
+    """The best hypotheses, one form of each law, if even with the first of them the errors are far more than
+    innovations.
 
     The filter may then have kept all of them where they began, taking for noise what they have yet to explain.
     """
-    best = first(sorted(final, key=lambda s: -s.evidence), RETRIED, lambda s: law(s.start))
+    forms = {law(s.start): s for s in sorted(final, key=lambda s: s.evidence)}.values()
+    best = sorted(forms, key=lambda s: -s.evidence)[:RETRIED]
     if not best:
         return []
     error, innovation = best[0].fitted.error[problem.used], np.sqrt(best[0].fitted.variances)

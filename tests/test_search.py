@@ -52,6 +52,7 @@ from diagnosis.search import (
     containing,
     exchanged,
     generalised,
+    is_idle,
     off_limits,
     price,
     try_all,
@@ -1134,10 +1135,28 @@ def test_a_search_that_has_taken_its_budget_tries_no_other_ways(monkeypatch: pyt
     assert tried
     assert not free_search.is_cut
     tried.clear()
-    spent = find(replace(problem, work=Work()), (JointStructure(),), few, Settings(budget=1))
+    told: list[str] = []
+    ended = find(replace(problem, work=Work()), (JointStructure(),), few, Settings(budget=1), told.append)
+    assert ended.verdict == "unknown"
+    assert ended.is_cut
+    assert "looking for effect 2" not in told  # nor is there one after twice the budget
+    monkeypatch.setattr("diagnosis.engine.END", np.inf)
+    spent = find(replace(problem, work=Work()), (JointStructure(),), few, Settings(budget=1), told.append)
     assert spent.verdict == "unknown"
     assert spent.is_cut
+    assert "looking for effect 2" in told
     assert not tried
+
+
+def test_a_general_form_that_explains_no_more_waits_for_its_turn() -> None:
+    """Of the forms of a law only those are fitted on that explain more than one that they contain."""
+    problem = problem_of({"coulomb_friction": {"torque": 0.1}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    plain = accepted(problem, nominal, "coulomb_friction", [0.1]).scored
+    rounded = accepted(problem, nominal, "rounded_coulomb_friction", [0.1, 1e-3]).scored
+    assert is_idle(replace(rounded, decrease=plain.decrease), [plain, rounded])
+    assert not is_idle(replace(rounded, decrease=plain.decrease + 100.0), [plain, rounded])
+    assert not is_idle(plain, [plain, replace(rounded, decrease=plain.decrease + 100.0)])
 
 
 def test_laws_are_not_exchanged_beside_a_single_effect_that_leaves_little(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -50,6 +50,10 @@ INEXACT = 5e-4
 small errors at the other joint reach it as well."""
 BEYOND = 2.0
 """Error on held-out logs, as a multiple of what noise makes it, from which the model does not hold there."""
+EARNED = 0.5
+"""Share of what the nominal model errs there beyond noise that the effects have to explain."""
+CLEAR = 1.5
+"""Error on held-out logs, as a multiple of what noise makes it, from which that is asked."""
 CHANCE = 1e-4
 """Probability of a larger error by chance alone, where windows are few."""
 DISTINCT = 1.05
@@ -130,7 +134,8 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
     effects leave of the nominal model's error only in the third digit, or in the second where no reading shows it, is
     no failure of theirs. Events need not happen in another log, and states that a log does not show may be others at
     its beginning. Where small causes grow, a free simulation soon goes another way than the joint, and a model that
-    stays in the middle errs less; there the prediction from one reading to the next has to be worse, too.
+    stays in the middle errs less; there the prediction from one reading to the next has to be worse, too. A model that
+    is so uncertain that noise accounts for its errors still has to explain more of the nominal one's than it leaves.
     """
     if finding.verdict == "unknown":
         return {}
@@ -139,7 +144,9 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
     width, failing = window_width(WINDOW, held_out.sample_time), {}
     rough = any(item.effect.scatters for item in finding.accepted)
     predicts = cache(lambda: deviance(held_out, finding.final) < deviance(held_out, finding.nominal))
-    floors = cache(lambda: imitated_floor(held_out, finding.final, finding.covariance, found[-1].point, WINDOW))
+    spread = finding.covariance
+    floors = cache(lambda: imitated_floor(held_out, finding.final, spread, found[-1].point, WINDOW))
+    certain = cache(lambda: imitated_floor(held_out, finding.final, 1e-12 * spread, found[-1].point, WINDOW))
     for j in range(problem.joints):
         blocks = [in_blocks(item.replay.windows[:, j], held_out.bounds, width) for item in (nominal, found[-1])]
         count = len(blocks[1])
@@ -159,9 +166,21 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
             exceeds = after > most * (floors()[j] ** 2 + max(faster(problem, held_out, finding, j), 0.0))
         if exceeds:
             failing[j] = Failure(float(times), noise=True)
-        elif after > WORSE**2 * before and not (rough and predicts()):
+        elif (after > WORSE**2 * before and not (rough and predicts())) or (
+            not (elsewhere or rough)
+            and any(item.joint == j for item in finding.accepted)
+            and is_unearned(before, after, floor_of(problem, held_out, finding, j))
+            and is_unearned(before, after, float(certain()[j]))
+        ):
             failing[j] = Failure(float(np.sqrt(after / before)), noise=False)
     return failing
+
+
+def is_unearned(before: float, after: float, floor: float) -> bool:
+    """Whether effects leave more than noise makes, and more than they explain, of the nominal model's error; before and
+    after are mean squares, the floor a root."""
+    left, gap = np.sqrt(after) - floor, np.sqrt(before) - floor
+    return bool(left > (CLEAR - 1.0) * floor and left > (1.0 - EARNED) * gap)
 
 
 def rows(

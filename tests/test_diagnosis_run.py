@@ -18,7 +18,7 @@ from diagnosis.beginning import started, with_phases
 from diagnosis.engine import Settings
 from diagnosis.estimation import covariance, errors, fit
 from diagnosis.hypotheses import Hypothesis, extend
-from diagnosis.ledger import closed, failures
+from diagnosis.ledger import closed, failures, floor_of
 from diagnosis.nominal import COLUMN, JointStructure, fit_nominal
 from diagnosis.output import to_json
 from diagnosis.parameters import HEAT, REFERENCE, canonical, heat
@@ -646,6 +646,27 @@ def test_effects_that_make_held_out_logs_worse_are_not_the_right_ones() -> None:
     better = replace(nominal, replay=replace(after.replay, windows=0.5 * after.replay.windows))
     found = failures(solved.problem, solved.held_out, solved.finding, [better, after])
     assert found == {0: Failure(pytest.approx(2.0), noise=False)}
+
+
+def test_effects_have_to_explain_more_of_held_out_logs_than_they_leave() -> None:
+    """However uncertain the model is, so that noise could account for its errors."""
+    solved = solved_of(read_of(model_of(FRICTION)), "coulomb_friction")
+    nominal, after = solved.ledger[-2:]
+    floor = floor_of(solved.problem, solved.held_out, solved.finding, 0)
+    vague = np.diag(np.full(len(solved.finding.final.point.free), 1e-2))
+
+    def failing(before: float, left: float) -> dict[int, Failure]:
+        steps = [
+            replace(step, replay=replace(step.replay, windows=np.where(np.isnan(step.replay.windows), np.nan, error)))
+            for step, error in ((nominal, before * floor), (after, left * floor))
+        ]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(type(solved.finding), "covariance", property(lambda self: vague))
+            return failures(replace(solved.problem, encoder_step=0.0), solved.held_out, solved.finding, steps)
+
+    assert failing(4.0, 3.0) == {0: Failure(pytest.approx(0.75), noise=False)}
+    assert not failing(8.0, 3.0)  # explains five of the seven parts that noise does not
+    assert not failing(1.8, 1.45)  # too little beyond noise to tell
 
 
 def test_where_small_causes_grow_the_prediction_has_to_be_worse_too() -> None:

@@ -35,10 +35,12 @@ from diagnosis.search import (
     FORM,
     Ranked,
     Scored,
+    best_forms,
     containing,
     generalised,
     hypotheses_of,
     is_resolved,
+    law,
     polish,
     price,
     ranking,
@@ -84,10 +86,10 @@ SIMULTANEOUS = 0.2
 """Time [s] between two events that are taken for one."""
 TIMED = 0.75
 """Share of the best evidence from which the best form of a law is compared with a timing of its own."""
-END = 2.0
-"""Budgets of simulations after which a search seeks no further effects."""
 LIMITED = 0.25
 """The same for torque limits that act or do not."""
+END = 2.0
+"""Budgets of simulations after which a search seeks no further effects."""
 DRIVEN_BY = {"position": "place", "motor torque": "motor", "command": "motor"}
 """By the signals that effects follow, groups whose laws are too unlike for one to stand in for another."""
 UNDERSTATED = 4.0
@@ -655,13 +657,12 @@ def settled_anew(
 
     A law that does no better than one that it contains has nothing to gain from it that this one has not.
     """
-    leading = {(s.label, s.start.hypothesis.joint): s for s in sorted(ranked, key=lambda s: s.evidence)}
+    leading = best_forms(ranked)
     best = max((s.evidence for s in ranked), default=0.0)
     alone = {(s.name, s.start.hypothesis.joint): s.evidence for s in ranked}
 
     def competes(scored: Scored, share: float) -> bool:
-        place = scored.label, scored.start.hypothesis.joint
-        ahead = scored is leading[place] and scored.evidence > max(share * best, 0.0)
+        ahead = scored is leading[law(scored.start)] and scored.evidence > max(share * best, 0.0)
         inner = ((name, scored.start.hypothesis.joint) for name in scored.effect.includes)
         return ahead and not any(alone[own] >= scored.evidence for own in inner if own in alone)
 

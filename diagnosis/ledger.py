@@ -54,6 +54,8 @@ EARNED = 0.5
 """Share of what the nominal model errs there beyond noise that the effects have to explain."""
 CLEAR = 1.5
 """Error on held-out logs, as a multiple of what noise makes it, from which that is asked."""
+CERTAIN = 1e-12
+"""Share of a covariance that makes a model as good as certain."""
 CHANCE = 1e-4
 """Probability of a larger error by chance alone, where windows are few."""
 DISTINCT = 1.05
@@ -144,9 +146,9 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
     width, failing = window_width(WINDOW, held_out.sample_time), {}
     rough = any(item.effect.scatters for item in finding.accepted)
     predicts = cache(lambda: deviance(held_out, finding.final) < deviance(held_out, finding.nominal))
-    spread = finding.covariance
-    floors = cache(lambda: imitated_floor(held_out, finding.final, spread, found[-1].point, WINDOW))
-    certain = cache(lambda: imitated_floor(held_out, finding.final, 1e-12 * spread, found[-1].point, WINDOW))
+    floors = cache(  # by the share of the covariance that a model may be off
+        lambda share: imitated_floor(held_out, finding.final, share * finding.covariance, found[-1].point, WINDOW)
+    )
     for j in range(problem.joints):
         blocks = [in_blocks(item.replay.windows[:, j], held_out.bounds, width) for item in (nominal, found[-1])]
         count = len(blocks[1])
@@ -160,17 +162,18 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
         if after < enough:
             continue
         most = max(BEYOND**2, chi2.isf(CHANCE, count) / count)
-        times = np.sqrt(after) / floor_of(problem, held_out, finding, j)
+        floor = floor_of(problem, held_out, finding, j)
+        times = np.sqrt(after) / floor
         exceeds = not elsewhere and times**2 > most
         if exceeds and finding.band is None:  # dry friction, coupling and uncertainty make more of the noise
-            exceeds = after > most * (floors()[j] ** 2 + max(faster(problem, held_out, finding, j), 0.0))
+            exceeds = after > most * (floors(1.0)[j] ** 2 + max(faster(problem, held_out, finding, j), 0.0))
         if exceeds:
             failing[j] = Failure(float(times), noise=True)
         elif (after > WORSE**2 * before and not (rough and predicts())) or (
             not (elsewhere or rough)
             and any(item.joint == j for item in finding.accepted)
-            and is_unearned(before, after, floor_of(problem, held_out, finding, j))
-            and is_unearned(before, after, float(certain()[j]))
+            and is_unearned(before, after, floor)
+            and is_unearned(before, after, float(floors(CERTAIN)[j]))
         ):
             failing[j] = Failure(float(np.sqrt(after / before)), noise=False)
     return failing

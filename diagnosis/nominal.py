@@ -195,13 +195,11 @@ def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fit
     """Fit of the nominal model. A drive's stated torque limit takes part only where the logs show that it acts, a
     timing (`diagnosis.timing`) only where they ask for it."""
     free_running = tuple(replace(s, torque_limit=0.0) for s in structures)
-    best = _fit_nominal(problem, free_running)
+    best = fit(problem, point_at(problem, free_running)[0], rounds=3, iterations=12)
     if any(s.torque_limit > 0.0 for s in structures):
         largest = np.max(np.abs(problem.command), axis=0)
         if any(0.0 < s.torque_limit < largest[j] for j, s in enumerate(structures)):
-            limited = fit(problem, point_at(problem, structures)[0], rounds=1, iterations=3)
-            if limited.criterion < best.criterion + best.samples * np.log(HOPELESS):
-                limited = fit(problem, limited.point, rounds=3, iterations=12)
+            limited = _promising(problem, point_at(problem, structures)[0], best, HOPELESS, rounds=3, iterations=12)
             if limited.criterion < best.criterion:
                 best = limited
     return timing_settled(problem, best)
@@ -232,10 +230,7 @@ def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStru
         acts = fitted.point.parameters[0, j, column] > 0.0
         parameters = fitted.point.parameters.copy()
         parameters[:, j, column] = 0.0 if acts else structure.torque_limit
-        other = fit(problem, replace(fitted.point, parameters=parameters), rounds=1, iterations=3)
-        if other.criterion > fitted.criterion + fitted.samples * np.log(FAR):
-            continue
-        other = fit(problem, other.point, rounds=2, iterations=8)
+        other = _promising(problem, replace(fitted.point, parameters=parameters), fitted, FAR, rounds=2, iterations=8)
         if other.criterion < fitted.criterion:
             fitted = other
     return fitted
@@ -260,6 +255,10 @@ def windings_settled(problem: Problem, fitted: Fitted) -> Fitted:
     return fitted
 
 
-def _fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
-    """Fit of the nominal model."""
-    return fit(problem, point_at(problem, structures)[0], rounds=3, iterations=12)
+def _promising(problem: Problem, point: Point, beside: Fitted, most: float, *, rounds: int, iterations: int) -> Fitted:
+    """A fit from a point; only its first steps where these leave more than `most` times the mean square innovation of
+    another fit."""
+    first = fit(problem, point, rounds=1, iterations=3)
+    if first.criterion > beside.criterion + beside.samples * np.log(most):
+        return first
+    return fit(problem, first.point, rounds=rounds, iterations=iterations)

@@ -313,7 +313,7 @@ def _converged(
     least, close = (share * max((s.decrease for s in order), default=0.0) for share in (CHANCE, CLOSE))
     final = each(continued, [s for s in order if hoped(s) >= least])
     top = max((scored.decrease for scored in final), default=0.0)
-    best_form = {law(s.start): s for s in sorted(final, key=lambda s: s.evidence)}.values()
+    best_form = best_forms(final).values()
     near = [scored.decrease > NEAR * top and any(scored is s for s in best_form) for scored in final]
     if sum(near) > 1:  # laws that are near equals are told apart only when all of them have converged
         final = each(
@@ -324,6 +324,11 @@ def _converged(
     for scored in sorted([*final, *rough], key=lambda s: -s.evidence):
         best.setdefault((scored.name, scored.start.hypothesis.joint), scored)
     return list(best.values())
+
+
+def best_forms(scored: Iterable[Scored]) -> dict[tuple[str, int], Scored]:
+    """Of every law and joint the form with the most evidence."""
+    return {law(s.start): s for s in sorted(scored, key=lambda s: s.evidence)}
 
 
 def is_idle(scored: Scored, others: Sequence[Scored]) -> bool:
@@ -339,8 +344,7 @@ def stuck(problem: Problem, final: Sequence[Scored]) -> list[Scored]:
 
     The filter may then have kept all of them where they began, taking for noise what they have yet to explain.
     """
-    forms = {law(s.start): s for s in sorted(final, key=lambda s: s.evidence)}.values()
-    best = sorted(forms, key=lambda s: -s.evidence)[:RETRIED]
+    best = sorted(best_forms(final).values(), key=lambda s: -s.evidence)[:RETRIED]
     if not best:
         return []
     error, innovation = best[0].fitted.error[problem.used], np.sqrt(best[0].fitted.variances)

@@ -36,7 +36,7 @@ from diagnosis.engine import (
     textbook,
     unified,
 )
-from diagnosis.estimation import errors, finish, fit, plain, sensitivities
+from diagnosis.estimation import errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.first_fits import nearest, retimed
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import jitter
@@ -1146,6 +1146,24 @@ def test_a_search_that_has_taken_its_budget_tries_no_other_ways(monkeypatch: pyt
     assert spent.is_cut
     assert "looking for effect 2" in told
     assert not tried
+
+
+def test_two_joints_that_move_together_have_half_the_simulations() -> None:
+    problem = problem_of({})
+    search = Search.begin(problem, (JointStructure(),), [], Settings(budget=100), lambda text: None)
+    wide = replace(problem, command=np.tile(problem.command, 2), work=Work(60 * len(problem.time)))
+    assert replace(search, problem=wide).taken == pytest.approx(1.2)
+    assert replace(search, problem=replace(problem, work=wide.work)).taken == pytest.approx(0.6)
+
+
+def test_the_motion_of_a_model_is_simulated_once() -> None:
+    problem = problem_of({"coulomb_friction": {"torque": 0.1}})
+    point = fit_nominal(problem, (JointStructure(),)).point
+    motion = predicted_motion(problem, point)
+    assert predicted_motion(problem, point) is motion
+    heavier = point.at(1.1 * point.vector)
+    assert not np.allclose(predicted_motion(problem, heavier), motion)
+    assert predicted_motion(replace(problem, leak=0.0), point) is not motion
 
 
 def test_a_general_form_that_explains_no_more_waits_for_its_turn() -> None:

@@ -96,6 +96,7 @@ def test_damping_is_one_number_again_without_the_spring() -> None:
     assert not any(f.name == "arm_viscous@0" for f in pruned.point.free)
 
 
+@pytest.mark.slow
 def test_the_search_finds_friction_on_an_arm_that_a_voltage_drives() -> None:
     problem = stack(KERNEL, [dragged(seed, 1.0, "voltage") for seed in (1, 2)], (1,))
     held_out = stack(KERNEL, [dragged(3, 1.0, "voltage")], (1,))

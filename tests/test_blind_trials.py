@@ -21,22 +21,23 @@ from methods.effects import built_in
 
 @dataclass(frozen=True)
 class Case:
-    """One trial: seed, kind, family of machines, hidden effect (None where the kind draws it)."""
+    """One trial: seed, kind, family of machines, hidden effect (None where the kind draws it), length."""
 
     seed: int
     kind: str
     family: str
     effect: str | None = None
+    is_long: bool = False
 
 
 CASES = (
-    Case(11, "single", "adept_j1", "dead_zone"),
+    Case(11, "single", "adept_j1", "dead_zone", is_long=True),
     Case(12, "single", "servo", "input_delay"),
     Case(13, "single", "adept_j2", "cogging_torque"),
     Case(100, "single", "adept_j1", "joint_flexibility"),
-    Case(800, "single", "stage", "backlash"),
+    Case(800, "single", "stage", "backlash", is_long=True),
     Case(15, "single", "stage", "coulomb_friction"),
-    Case(17, "single", "pendulum", "quadratic_drag"),
+    Case(17, "single", "pendulum", "quadratic_drag", is_long=True),
     Case(16, "single", "adept_j1", "encoder_eccentricity"),
     Case(18, "clean", "adept_j1"),
     Case(24, "foreign", "servo"),
@@ -49,7 +50,11 @@ def trial_of(case: Case) -> Trial:
     return make_trial(case.seed, case.kind, case.family, effect=case.effect, duration=12.0)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.effect or case.kind} in {case.family}")
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=pytest.mark.slow if case.is_long else ()) for case in CASES],
+    ids=lambda case: f"{case.effect or case.kind} in {case.family}",
+)
 def test_hidden_effect_is_found(case: Case) -> None:
     trial = trial_of(case)
     diagnosis, _ = diagnose(trial)
@@ -69,7 +74,7 @@ def test_the_true_rise_of_a_resistance_is_that_at_the_recorded_current(law: Heat
 
 def test_the_trials_cover_every_stage() -> None:
     stages = {effect.name: effect.stage for effect in built_in()}
-    assert {stages[case.effect] for case in CASES if case.effect} == set(stages.values())
+    assert {stages[case.effect] for case in CASES if case.effect and not case.is_long} == set(stages.values())
 
 
 def test_the_most_common_answer_fails() -> None:

@@ -89,6 +89,7 @@ def test_waves_act_where_the_model_predicts_if_readings_are_coarse_and_nothing_d
     assert np.all(without.point.parameters[:, 0, FOLLOWING] == 0.0)
 
 
+@pytest.mark.slow
 def test_a_wave_is_found_on_a_joint_that_noise_drives() -> None:
     found = find(problem_of(noise=0.02, step=1e-4), STRUCTURES, EFFECTS)
     assert found.verdict == "named"

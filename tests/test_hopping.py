@@ -8,6 +8,7 @@ from test_remainder import PLAY, fitted_with, problem_of
 from diagnosis.hopping import Optimum, distances, hopped, likely
 
 
+@pytest.mark.slow
 def test_a_fit_behind_impacts_finds_a_better_optimum_nearby() -> None:
     begun = {"backlash": {name: 1.5 * value for name, value in PLAY["backlash"].items()}}
     problem = problem_of(PLAY)

@@ -102,13 +102,14 @@ def joint(**recording: float) -> StructuredModel:
     return StructuredModel((StructuredJoint(1, "torque", nominal, {}),), DT, None, EFFECTS)
 
 
-@pytest.mark.parametrize("stiffness", [2.0, 6.0])
+@pytest.mark.parametrize("stiffness", [pytest.param(2.0, marks=pytest.mark.slow), 6.0])
 def test_a_cubic_spring_is_no_sum_of_known_torques(stiffness: float) -> None:
     found = diagnosed(lambda w: 0.0, steps=4, spring=lambda q: stiffness * q**3)
     assert found.verdict == "unknown"
     assert names(found)
 
 
+@pytest.mark.slow
 def test_friction_of_the_root_of_the_velocity_is_not_two_dry_frictions() -> None:
     found = diagnosed(lambda w: math.copysign(0.12 * math.sqrt(abs(w)), w), steps=4)
     assert found.verdict == "unknown"
@@ -127,6 +128,7 @@ class Bristle:
         return stiffness * self.bend + 0.1 * (self.bend - before) / self.step
 
 
+@pytest.mark.slow
 def test_bristles_below_a_static_level_are_found_whole() -> None:
     found = diagnosed(Bristle(DT / 20), steps=20, seconds=24.0)
     assert found.verdict == "named"
@@ -156,12 +158,14 @@ def test_a_model_that_runs_away_has_a_finite_likelihood() -> None:
     assert gone.criterion > nominal.criterion
 
 
+@pytest.mark.slow
 def test_a_spring_beside_waves_that_the_logs_show_is_named() -> None:
     found = diagnosed(lambda w: 0.0, steps=4, spring=lambda q: 0.5 * (q - 0.2) + 0.1 * math.sin(12.0 * q + 0.5))
     assert set(names(found)) == {"cable_spring", "cogging_torque"}
     assert found.verdict == "named"
 
 
+@pytest.mark.slow
 def test_dry_friction_that_differs_by_direction_is_not_told_from_an_offset() -> None:
     found = diagnosed(lambda w: 0.1 * math.tanh(w / 0.01) + 0.03, steps=4)
     assert set(names(found)) == {"amplifier_offset", "coulomb_friction"}
@@ -218,8 +222,8 @@ def test_a_delay_in_the_log_of_such_a_simulator_is_one() -> None:
     ("friction", "width"),
     [
         (lambda w: 0.12 * math.tanh(w / 0.02), 0.02),
-        (lambda w: 0.12 * math.tanh(w / 0.002), 0.002),
-        (lambda w: 0.12 * w / math.hypot(w, 0.05), 0.05),
+        pytest.param(lambda w: 0.12 * math.tanh(w / 0.002), 0.002, marks=pytest.mark.slow),
+        pytest.param(lambda w: 0.12 * w / math.hypot(w, 0.05), 0.05, marks=pytest.mark.slow),
     ],
     ids=["tanh", "narrow tanh", "root"],
 )
@@ -237,6 +241,7 @@ def test_the_sign_of_the_velocity_as_friction() -> None:
     assert free(finding, "coulomb_friction.torque") == pytest.approx(0.12, rel=0.01)
 
 
+@pytest.mark.slow
 def test_stribeck_friction_with_a_rounded_sign() -> None:
     def friction(w: float) -> float:
         return (0.12 + 0.1 * math.exp(-((w / 0.15) ** 2))) * math.tanh(w / 0.02)
@@ -248,7 +253,9 @@ def test_stribeck_friction_with_a_rounded_sign() -> None:
     assert free(finding, f"{form}.excess") == pytest.approx(0.1, rel=0.05)
 
 
-@pytest.mark.parametrize(("timestep", "skip", "noise"), [(2e-3, 1, 1e-5), (1e-3, 4, 0.0)])
+@pytest.mark.parametrize(
+    ("timestep", "skip", "noise"), [pytest.param(2e-3, 1, 1e-5, marks=pytest.mark.slow), (1e-3, 4, 0.0)]
+)
 def test_friction_of_mujoco_is_a_soft_constraint(timestep: float, skip: int, noise: float) -> None:
     finding = diagnosed_in_mujoco('frictionloss="0.12"', timestep=timestep, skip=skip, noise=noise)
     assert (finding.verdict, names(finding)) == ("named", ["coulomb_friction"])

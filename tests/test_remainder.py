@@ -107,7 +107,7 @@ def shows(left: Remainder) -> bool:
     return left.excess > 5.0 * left.scattered or left.disturbance_share > 1.5 * Settings().disturbance
 
 
-@pytest.mark.parametrize("stiffness", [0.25, 0.35])
+@pytest.mark.parametrize("stiffness", [0.25, pytest.param(0.35, marks=pytest.mark.slow)])
 def test_a_missing_effect_is_no_noise(stiffness: float, play: tuple[Problem, Fitted, Remainder]) -> None:
     assert shows(without_its_cable(stiffness))
     assert not shows(play[2])
@@ -120,6 +120,7 @@ def test_where_a_fit_stops_short_a_missing_effect_is_a_torque_as_no_amplifier_ha
     assert without_its_cable(0.5).disturbance_share > 2.0 * Settings().disturbance
 
 
+@pytest.mark.slow
 def test_behind_impacts_a_play_is_begun_where_it_comes_closest() -> None:
     """Its motion is so far from that without it that no regression leads there, and the simulation itself does."""
     problem, effect = problem_of(PLAY), NAMED["backlash"]

@@ -62,6 +62,7 @@ def test_a_stiff_joint_does_not_ring() -> None:
     assert ringing(problem, base, NAMED["joint_flexibility"], 0) == []
 
 
+@pytest.mark.slow
 def test_a_spring_with_little_damping_is_found_at_once() -> None:
     problem = problem_of(stiff=False)
     base = fit_nominal(problem, (JointStructure(),))

@@ -518,6 +518,7 @@ def test_a_near_equal_takes_the_place_of_an_effect_where_it_does_better() -> Non
     assert names("coulomb_friction", [0.2], "quadratic_drag", 0.95) == ["coulomb_friction"]
 
 
+@pytest.mark.slow
 def test_effects_of_the_whole_band_stay_where_they_do_better_in_the_band_of_the_motion(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -146,9 +146,9 @@ def try_all(
     rough += each(lambda item: (item[0], containing(problem, base, item[1])), hopeful)
     rough += [found for effect, j in plainly for found in rung(problem, base, effect, j)]
     rough += [found for effect, j in plainly for found in met(problem, base, effect, j, sizes[j])]
-    promises = {(start.hypothesis.effect.name, start.hypothesis.joint): start.promise for start in reversed(lists[0])}
+    promised = {(start.hypothesis.effect.name, start.hypothesis.joint): start for start in reversed(lists[0])}
     scored = [score(problem, base, start, fitted) for start, fitted in rough]
-    return _converged(problem, base, scored, promises, finals, known, look)
+    return _converged(problem, base, scored, promised, finals, known, look)
 
 
 def on_all(
@@ -276,18 +276,20 @@ def _converged(
     problem: Problem,
     base: Fitted,
     rough: Sequence[Scored],
-    promises: Mapping[tuple[str, int], float],
+    promised: Mapping[tuple[str, int], Start],
     finals: int,
     known: Array,
     look: Glance | None,
 ) -> list[Scored]:
     """The hypotheses in order of their evidence, the first ones fitted until they have converged.
 
-    promises: by effect and joint, in the filtered view; a first fit that stopped short of its promise is carried on.
+    promised: by effect and joint the start that promises most in the filtered view; a first fit that stopped short of
+    its promise is carried on, and begun again from there where that does not help (`begun_again`).
     known: sensitivities (K, T, n) of the base. look: a part of the samples that is enough to tell whether a hypothesis
     comes near the best one, if any; only those that do are fitted to all samples.
     """
-    hoped = lambda s: max(s.decrease, HOPE * promises.get((s.name, s.start.hypothesis.joint), 0.0))  # noqa: E731
+    starts = lambda s: promised.get((s.name, s.start.hypothesis.joint), s.start)  # noqa: E731
+    hoped = lambda s: max(s.decrease, HOPE * starts(s).promise)  # noqa: E731
     likeliest: dict[tuple[str, int], Scored] = {}
     for scored in sorted(rough, key=lambda s: -s.evidence):
         likeliest.setdefault((scored.name, scored.start.hypothesis.joint), scored)
@@ -312,6 +314,9 @@ def _converged(
     order = [s for s in order if not is_idle(s, order)]
     least, close = (share * max((s.decrease for s in order), default=0.0) for share in (CHANCE, CLOSE))
     final = each(continued, [s for s in order if hoped(s) >= least])
+    short = CLOSE * max((s.decrease for s in final), default=0.0)
+    lost = [s for s in final if starts(s).promise > max(s.decrease, short)]
+    final += each(lambda s: begun_again(problem, base, starts(s)), lost)
     top = max((scored.decrease for scored in final), default=0.0)
     best_form = best_forms(final).values()
     near = [scored.decrease > NEAR * top and any(scored is s for s in best_form) for scored in final]
@@ -354,6 +359,16 @@ def stuck(problem: Problem, final: Sequence[Scored]) -> list[Scored]:
 def unstuck(problem: Problem, base: Fitted, scored: Scored) -> Scored:
     """The hypothesis fitted to the errors as they are, and then to their innovations."""
     return scored.refitted(base, free_of_filter(problem, scored.fitted.point))
+
+
+def begun_again(problem: Problem, base: Fitted, start: Start) -> Scored:
+    """A hypothesis fitted from where a regression saw most of it, to the errors as they are, all sensitivities anew.
+
+    The regression says what is reached to first order. Fits that end short of that have lost their way: first steps are
+    taken by the sensitivities of the base, which are not those of a joint with most of its inertia behind a spring.
+    """
+    point = extend(problem, base.point, start.hypothesis, start.values)
+    return score(problem, base, start, free_of_filter(problem, point))
 
 
 def off_limits(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:

@@ -673,6 +673,28 @@ def test_the_first_effect_is_also_sought_without_a_limit_that_acts_only_for_want
     assert found.fitted.point.value("amplifier_offset.voltage@0") == pytest.approx(0.3, rel=0.02)
 
 
+def soft_link(share: float, friction: float) -> Log:
+    """A swept hub that turns a soft link with this share of the inertia, read by a coarse encoder."""
+    time, step = DT * np.arange(2000), 2.0 * np.pi / 512.0
+    command = 100.0 * np.sin(3.75 * np.pi * time**2)[:, None]
+    nominal = {"inertia": 0.145, "viscous": 0.0, "back_emf": 6.8, "electrical_time_constant": 0.0025}
+    effects = {"joint_flexibility": {"inertia_ratio": share, "frequency": 2.5, "damping_ratio": 0.02}}
+    effects |= {"coulomb_friction": {"torque": friction}}
+    model = StructuredModel((StructuredJoint(1, "voltage", nominal, effects),), DT, None, EFFECTS)
+    motion = model.simulate(time, command, State.at_rest(0.0))
+    facts = JointFacts(input="voltage", position_unit="rad", encoder_step=step)
+    return Log(time, command, step * np.round(motion.position / step), (1,), facts=(facts,), name="soft link")
+
+
+@pytest.mark.parametrize(("share", "friction"), [(0.64, 0.0), (0.9, 5.0)])
+def test_a_fit_that_ends_short_of_its_promise_is_begun_again(share: float, friction: float) -> None:
+    problem = stack(KERNEL, [soft_link(share, friction)], (1,))
+    base = fit_nominal(problem, (JointStructure(),))
+    found = try_all(problem, base, [(NAMED["joint_flexibility"], 0)])[0]
+    assert found.fitted.point.value("joint_flexibility.frequency@0") == pytest.approx(2.5, rel=0.02)
+    assert found.fitted.point.value("joint_flexibility.inertia_ratio@0") == pytest.approx(share, rel=0.03)
+
+
 def test_dry_friction_also_begins_from_the_regression() -> None:
     structures = (JointStructure(),)
 

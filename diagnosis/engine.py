@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis.arm_damping import arm_damping_settled, undivided
 from diagnosis.beginning import started, twists_settled
-from diagnosis.estimation import Fitted, covariance, errors, fit, plain
+from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, distances, hopped
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, command_response, extend, proposals, sizes_of, withdraw
@@ -21,6 +21,7 @@ from diagnosis.lags import told_apart
 from diagnosis.nominal import (
     HOPELESS,
     JointStructure,
+    changing_torque,
     fit_nominal,
     limits_settled,
     point_at,
@@ -62,6 +63,8 @@ DRY = "coulomb_friction"
 """The effect that the regression of the starting point knows."""
 DRAG = 0.02
 """Its torque as a share of the command's rms, from which it is tried as it was regressed."""
+HELD = 0.5
+"""The same for torques of the place."""
 LAG = "amplifier_lag"
 """The effect that may trade places with the joint's own lags."""
 JITTER = "timestamp_jitter"
@@ -614,23 +617,34 @@ def also_from_regression(
     candidates: Sequence[tuple[Effect, int]],
     ranked: list[Scored],
 ) -> list[Scored]:
-    """The hypotheses, dry friction as good as from the base or from the regression of the command on the motion.
+    """The hypotheses, dry friction and torques of the place as good as from the base or from the regression of the
+    command on the motion.
 
     Where a slow joint takes much of its torque to overcome friction, the base that does without may be far from all
-    that the joint is, and no way leads from there.
+    that the joint is, and no way leads from there. Where a spring or its weight moves a joint more than its motor does,
+    the best base without them may be a joint of any inertia, which no torque moves.
     """
-    if not ranked or ranked[0].label == DRY:
+    if not ranked:
         return ranked
-    point, friction = point_at(problem, structures)
-    least = DRAG * np.sqrt(np.mean(problem.command**2, axis=0))
+    command = np.sqrt(np.mean(problem.command**2, axis=0))
+    point, friction, _ = point_at(problem, structures)
     starts = [
-        Start(Hypothesis(effect, j), np.full((problem.logs, 1), friction[j]), 0.0)
+        (point, Start(Hypothesis(effect, j), np.full((problem.logs, 1), friction[j]), 0.0))
         for effect, j in candidates
-        if effect.name == DRY and friction[j] > least[j]
+        if effect.name == DRY and ranked[0].label != DRY and friction[j] > DRAG * command[j]
     ]
+    for effect in dict.fromkeys(effect for effect, _ in candidates if effect.is_linear_in_place):
+        point, _, torque = point_at(problem, structures, effect)
+        size = changing_torque(problem, effect, torque)
+        starts += [
+            (point, Start(Hypothesis(effect, j), np.tile(torque[j], (problem.logs, 1)), 0.0))
+            for other, j in candidates
+            if other is effect and size[j] > HELD * command[j]
+        ]
     limit = ranked[0].fitted.criterion + base.samples * np.log(HOPELESS)
 
-    def carried_on(start: Start) -> Scored | None:
+    def carried_on(item: tuple[Point, Start]) -> Scored | None:
+        point, start = item
         found = to_errors(problem, extend(problem, point, start.hypothesis, start.values))
         if unfitted(problem, base, found.point, found.error).criterion > limit:
             return None

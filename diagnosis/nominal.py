@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from diagnosis.pair_start import PairStart, pair_start
 from diagnosis.problem import Free, Problem, Stamps, centred, evenly, smooth_derivatives, start_deviation
 from diagnosis.timing import timing_settled
 from envs.log import Array, InputKind
+from methods.effects.base import Effect
 from methods.kernel import NOMINAL
 
 COLUMN = {name: index for index, name in enumerate(NOMINAL)}
@@ -52,9 +53,22 @@ class JointStructure:
     torque_limit: float = 0.0
 
 
-def point_at(problem: Problem, structures: tuple[JointStructure, ...]) -> tuple[Point, Array]:
-    """Starting point: linear regression of the held command on smoothed derivatives, joint by joint. With it goes the
-    dry friction (n,) that was regressed along. The winding's lag takes part in every voltage drive that has one."""
+class Regressed(NamedTuple):
+    """A starting point, and what was regressed along with it: dry friction (n,), and the parameters (n, size) of an
+    effect that is a linear torque."""
+
+    point: Point
+    friction: Array
+    torque: Array
+
+
+def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: Effect | None = None) -> Regressed:
+    """Starting point: linear regression of the held command on smoothed derivatives, joint by joint, with dry friction.
+    The winding's lag takes part in every voltage drive that has one.
+
+    beside: an effect that is a linear torque of angle and velocity, regressed along. Then it is the acceleration that
+    is regressed: it is what a coarse encoder shows badly, and a weight or a spring goes together with it.
+    """
     n = problem.joints
     parameters = np.zeros((problem.logs, n, problem.kernel.columns))
     parameters[:, :, COLUMN["torque_square_mean"]] = 1.0
@@ -74,13 +88,14 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...]) -> tuple[
             columns = [ddq[:, j], dq[:, j], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12)), np.ones(len(q))]
             if structures[j].gravity == "pendulum":
                 columns += [np.sin(q[:, j]), np.cos(q[:, j])]
+            columns += [] if beside is None else torques_of(beside, q[:, j], dq[:, j])
             rows[j].append(np.stack(columns, axis=1))
             sides[j].append(side[:, j] - (problem.neighbour[start:stop, j, 3] if problem.arm else 0.0))
     solutions = []
     for j in range(n):
         matrix, target = np.concatenate(rows[j]), np.concatenate(sides[j])
-        scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
-        solutions.append(np.linalg.lstsq(matrix / scale, target, rcond=1e-8)[0] / scale)
+        solution = None if beside is None else _of_acceleration(matrix, target)
+        solutions.append(_least_squares(matrix, target) if solution is None else solution)
     if problem.pair:
         q, dq, ddq, side = (np.concatenate(parts) for parts in zip(*motion, strict=True))
         pair = pair_start(q, dq, ddq, side, gravity=structures[0].gravity == "pendulum")
@@ -149,8 +164,39 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...]) -> tuple[
     if problem.pair:
         _start_pair(parameters, rigid, free, pair, structures)
     switches = np.zeros((n, len(problem.kernel.effects)), dtype=bool)
-    friction = np.array([solution[2] for solution in solutions])
-    return Point(parameters, switches, rigid, problem.starts.copy(), tuple(free)), friction
+    friction = np.array([x[2] for x in solutions])
+    torque = np.array([x[len(x) - (beside.size if beside else 0) :] for x in solutions])
+    return Regressed(Point(parameters, switches, rigid, problem.starts.copy(), tuple(free)), friction, torque)
+
+
+def _least_squares(matrix: Array, target: Array) -> Array:
+    """Coefficients by columns of any size."""
+    scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
+    return np.linalg.lstsq(matrix / scale, target, rcond=1e-8)[0] / scale
+
+
+def _of_acceleration(matrix: Array, command: Array) -> Array | None:
+    """Coefficients of the columns, the first of which is the acceleration, in the regression of that on the command and
+    all others; None where the command does not accelerate."""
+    per_command, *others = _least_squares(np.column_stack([command, matrix[:, 1:]]), matrix[:, 0])
+    return np.array([1.0, *(-c for c in others)]) / per_command if per_command > 0.0 else None
+
+
+def torques_of(effect: Effect, position: Array, velocity: Array) -> list[Array]:
+    """The torque (T,) of each parameter of an effect that is linear in them, of one joint by itself."""
+    assert effect.function is not None
+    law = np.vectorize(effect.function, otypes=[float], excluded=("p",))
+    return [law(0.0, position, velocity, 0.0, 0.0, p=unit) for unit in np.eye(effect.size)]
+
+
+def changing_torque(problem: Problem, effect: Effect, parameters: Array) -> Array:
+    """How much the torque of an effect that is linear in its parameters (n, size) changes over the motion of each joint
+    (n,), as its standard deviation."""
+    found = []
+    for j, own in enumerate(parameters):
+        torques = torques_of(effect, problem.reading[:, j], problem.velocity[:, j])
+        found.append(float(np.std(own @ np.stack(torques))))
+    return np.array(found)
 
 
 def _start_pair(

@@ -19,12 +19,38 @@ WORDS: dict[str, tuple[str, ...]] = {
     "temp": ("temperature", "temp"),
     "i": ("current", "cur", "iq", "amps", "amp", "ampere", "i", "ia", "ma"),
     "tau": ("torque", "effort", "tau", "force"),
-    "v": ("voltage", "volts", "volt", "dac", "u", "v", "vir", "input", "command", "cmd", "mv", "pwm", "duty"),
+    "v": (
+        "voltage",
+        "volts",
+        "volt",
+        "dac",
+        "u",
+        "v",
+        "vir",
+        "input",
+        "command",
+        "cmd",
+        "control",
+        "mv",
+        "pwm",
+        "duty",
+    ),
     "t": ("time", "timestamp", "stamp", "zeit", "t", "secs", "seconds", "sec"),
     "q": ("position", "pos", "angle", "theta", "q", "qm", "encoder", "enc", "joint", "phi", "displacement"),
 }
 #: Words that mark a column as something that was wanted, filtered or derived, not measured.
-SECOND_RATE = ("des", "desired", "ref", "reference", "goal", "target", "setpoint", "filt", "filtered", "error", "err")
+SECOND_RATE = (
+    *("des", "desired", "ref", "reference", "goal", "target", "setpoint", "commanded", "wanted"),
+    *("filt", "filtered", "error", "err"),
+)
+#: Commands in the order in which one is taken where a file has several.
+COMMANDS = {"v": "V", "i": "A", "tau": "N m"}
+#: Numbers that only the owner of a file knows, as they stand in a proposed unit, and what they are.
+UNKNOWNS = {
+    "COUNTS_PER_TURN": "the encoder's counts per turn of the joint",
+    "SUPPLY_VOLTAGE": "the supply voltage",
+    "FULL_SCALE": "the count that stands for all of it",
+}
 #: Units as they are written into names: ``pos [deg]``, ``time_ms``, ``speed (rpm)``.
 UNITS: dict[str, tuple[str, ...]] = {
     "t": ("s", "ms", "us", "ns"),
@@ -39,10 +65,18 @@ UNITS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Proposal:
-    """A guessed column map with the unit of every column and the joints whose position looks like a length."""
+    """A guessed column map with the unit of every column, the joints whose position looks like a length, and the
+    columns of numbers that it has no use for."""
 
     map: ColumnMap
     lengths: tuple[int, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def unknown(self) -> dict[str, str]:
+        """The numbers that have to be put into the units, and what they are."""
+        units = " ".join(item.unit or "" for item in self.map.columns.values())
+        return {name: meaning for name, meaning in UNKNOWNS.items() if name in units}
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -67,7 +101,7 @@ def propose(table: Table) -> Proposal:
     """The likeliest map: by the words in the names, the units in them, and what the numbers allow.
 
     Joints are numbered in the order of the columns. Of several columns for the same signal a measured one is preferred
-    to a wanted or filtered one.
+    to a wanted or filtered one. Positions beyond the number of commands are taken for further sensors of the joints.
     """
     numeric = {name: values.astype(np.float64) for name, values in table.columns.items() if values.dtype.kind in "fiu"}
     by_signal: dict[str, list[str]] = {signal: [] for signal in WORDS}
@@ -82,26 +116,30 @@ def propose(table: Table) -> Proposal:
     clock = next((name for name in by_signal["t"] if is_clock(numeric[name])), None)
     if clock is not None:
         columns["t"] = ColumnSource(clock, unit=unit_of(clock, "t") or time_unit(numeric[clock]))
-    positions = first_rate(by_signal["q"])
+    found = first_rate(by_signal["q"])
+    commands = {signal: first_rate(by_signal[signal]) for signal in COMMANDS}
+    most = max(map(len, commands.values()))
+    positions = found[:most] if most else found
     for joint, position in enumerate(positions, start=1):
         unit = unit_of(position, "q") or angle_unit(numeric[position])
         columns[f"q{joint}"] = ColumnSource(position, unit=unit)
         if unit in ("m", "mm", "um"):
             lengths.append(joint)
-    for signal, default in (("v", "V"), ("i", "A"), ("tau", "N m")):
+    for signal, default in COMMANDS.items():
         joints = max(1, len(positions))
-        commands = first_rate(by_signal[signal])[:joints]
-        if len(commands) == joints:
-            for joint, name in enumerate(commands, start=1):
+        if len(commands[signal]) >= joints:
+            for joint, name in enumerate(commands[signal][:joints], start=1):
                 unit = unit_of(name, signal) or command_unit(name, default, length=joint in lengths)
                 columns[f"{signal}{joint}"] = ColumnSource(name, unit=unit)
             break
     speeds = first_rate(by_signal["dq"])
-    if positions and len(speeds) == len(positions):
-        for joint, name in enumerate(speeds, start=1):
+    if positions and len(speeds) == len(found):
+        for joint, name in enumerate(speeds[: len(positions)], start=1):
             default = "m/s" if joint in lengths else "deg/s" if columns[f"q{joint}"].unit == "deg" else "rad/s"
             columns[f"dq{joint}"] = ColumnSource(name, unit=unit_of(name, "dq") or default)
-    return Proposal(ColumnMap(columns, source=table.source), tuple(lengths))
+    used = {item.column for item in columns.values()}
+    left_out = tuple(name for name in numeric if name not in used)
+    return Proposal(ColumnMap(columns, source=table.source), tuple(lengths), left_out)
 
 
 def words_of(name: str) -> list[str]:
@@ -111,8 +149,15 @@ def words_of(name: str) -> list[str]:
 
 
 def signal_of(name: str) -> str | None:
-    """Which signal a name speaks of, None when it is none that a log holds."""
+    """Which signal a name speaks of, None when it is none that a log holds.
+
+    Where a name has words of several commands, such as effort and control, the unit in it decides.
+    """
     words = words_of(name)
+    spoken = [signal for signal in COMMANDS if any(word in WORDS[signal] for word in words)]
+    stated = [signal for signal in spoken if unit_of(name, signal) is not None]
+    if len(spoken) > 1 and len(stated) == 1:
+        return stated[0]
     return next((signal for signal, known in WORDS.items() if any(word in known for word in words)), None)
 
 
@@ -136,7 +181,7 @@ def unit_of(name: str, signal: str) -> str | None:
 def command_unit(name: str, default: str, *, length: bool) -> str:
     """Unit of a command whose name states none; a duty cycle needs its full scale from the owner of the file."""
     if {"pwm", "duty"} & set(words_of(name)):
-        return "V * SUPPLY_VOLTAGE / FULL_SCALE"
+        return "V * SUPPLY_VOLTAGE / 100" if "percent" in words_of(name) else "V * SUPPLY_VOLTAGE / FULL_SCALE"
     return "N" if default == "N m" and length else default
 
 

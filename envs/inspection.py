@@ -144,10 +144,19 @@ def inspect_file(path: Path, column_map: Path | None = None, *, repair: bool = F
     yield ""
     yield from (f"    {line}" if line else "" for line in proposal.toml().splitlines())
     yield ""
+    if proposal.left_out:
+        yield f"Left out: {listed(proposal.left_out, most=40)}"
     if proposal.missing:
         raise LogError(
             f"no column looks like {' or '.join(proposal.missing)}",
             remedy=f"Complete the proposed map and save it as {sidecar_path(path).name}",
+            source=str(path),
+        )
+    if proposal.unknown:
+        stand_for = ", ".join(f"{name} is {meaning}" for name, meaning in proposal.unknown.items())
+        raise LogError(
+            "the proposed map needs numbers that only the owner of the file knows",
+            remedy=f"{stand_for}: put in the number and save the map as {sidecar_path(path).name}",
             source=str(path),
         )
     log, findings = load_with_findings(path, proposal.map, repair=repair)

@@ -34,11 +34,14 @@ CASES = (
     Case(11, "single", "adept_j1", "dead_zone", is_long=True),
     Case(12, "single", "servo", "input_delay"),
     Case(13, "single", "adept_j2", "cogging_torque"),
-    Case(100, "single", "adept_j1", "joint_flexibility"),
+    Case(100, "single", "rotor", "joint_flexibility"),
+    Case(100, "single", "adept_j1", "joint_flexibility", is_long=True),
     Case(800, "single", "stage", "backlash", is_long=True),
-    Case(15, "single", "stage", "coulomb_friction"),
+    Case(15, "single", "servo", "coulomb_friction"),
+    Case(15, "single", "stage", "coulomb_friction", is_long=True),
     Case(17, "single", "pendulum", "quadratic_drag", is_long=True),
-    Case(16, "single", "adept_j1", "encoder_eccentricity"),
+    Case(16, "single", "rotor", "encoder_eccentricity"),
+    Case(16, "single", "adept_j1", "encoder_eccentricity", is_long=True),
     Case(18, "clean", "adept_j1"),
     Case(24, "foreign", "servo"),
 )
@@ -78,8 +81,9 @@ def test_the_trials_cover_every_stage() -> None:
 
 
 def test_the_most_common_answer_fails() -> None:
-    """A diagnosis that always answers the most common name is right in a small share of the trials."""
+    """A diagnosis that always answers the most common name is right in a small share of the quick trials."""
+    quick = [case for case in CASES if not case.is_long]
     hidden = Counter(
-        "+".join(sorted(effect.hidden.name for effect in trial_of(case).truth.effects)) or "none" for case in CASES
+        "+".join(sorted(effect.hidden.name for effect in trial_of(case).truth.effects)) or "none" for case in quick
     )
-    assert hidden.most_common(1)[0][1] <= len(CASES) // 4
+    assert hidden.most_common(1)[0][1] <= len(quick) // 4

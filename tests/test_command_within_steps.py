@@ -36,7 +36,7 @@ def inertia_with(command: Array, reading: Array, hold: str, name: str, value: fl
     facts = JointFacts(input="torque", position_unit="rad", encoder_step=1e-6, hold=hold)
     log = Log(DT * np.arange(len(command)), command[:, None], reading[:, None], (1,), facts=(facts,))
     problem = stack(KERNEL, [log], (1,))
-    point, _ = point_at(problem, (JointStructure(input="torque"),))
+    point = point_at(problem, (JointStructure(input="torque"),)).point
     parameters = np.zeros_like(point.parameters)
     parameters[..., NOMINAL.index("inertia")] = INERTIA
     point = replace(point, parameters=parameters, starts=np.zeros_like(point.starts))

@@ -102,7 +102,8 @@ def joint(**recording: float) -> StructuredModel:
     return StructuredModel((StructuredJoint(1, "torque", nominal, {}),), DT, None, EFFECTS)
 
 
-@pytest.mark.parametrize("stiffness", [pytest.param(2.0, marks=pytest.mark.slow), 6.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("stiffness", [2.0, 6.0])
 def test_a_cubic_spring_is_no_sum_of_known_torques(stiffness: float) -> None:
     found = diagnosed(lambda w: 0.0, steps=4, spring=lambda q: stiffness * q**3)
     assert found.verdict == "unknown"

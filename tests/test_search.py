@@ -717,6 +717,54 @@ def test_dry_friction_also_begins_from_the_regression() -> None:
     assert len(found({}, "amplifier_offset")) == 1
 
 
+def swung(weight: float) -> Problem:
+    """A weight that a weak motor swings up, read by a coarse encoder: a torque drive whose weight nobody stated."""
+    dt, step, steps = 5e-3, 2.0 * np.pi / 2048.0, 20
+    time, q, w = dt * np.arange(800), 0.0, 0.0
+    command, reading = np.zeros((800, 1)), np.zeros((800, 1))
+    for k in range(len(time)):
+        reading[k], command[k] = (
+            step * np.round(q / step),
+            0.9 * np.tanh(5.0 * w + float(k < 10)) * np.sin(0.7 * k * dt),
+        )
+        for _ in range(steps):
+            w += dt / steps * (command[k, 0] - 0.03 * w - weight * np.sin(q)) / 0.14
+            q += dt / steps * w
+    facts = JointFacts(input="torque", position_unit="rad", encoder_step=step)
+    return stack(KERNEL, [Log(time, command, reading, (1,), facts=(facts,), name="swung")], (1,))
+
+
+def test_a_weight_that_no_one_stated_also_begins_from_the_regression() -> None:
+    """The best fit without it may be a joint of any inertia, and no way leads from there."""
+    structures = (JointStructure(input="torque", electrical=False),)
+
+    def found(weight: float) -> list[Scored]:
+        problem = swung(weight)
+        off = point_at(problem, structures).point
+        vector = np.where([f.name == "inertia@0" for f in off.free], 1e3, off.vector)
+        error = errors(problem, [off.at(vector)])[0]
+        base = finish(problem, off.at(vector), error, whitener(problem, error))
+        other = accepted(problem, base, "amplifier_offset", [0.01]).scored
+        return also_from_regression(problem, structures, base, [(NAMED["gravity_tilt"], 0)], [other])
+
+    best = found(3.0)[0].fitted.point
+    assert best.value("gravity_tilt.sine@0") == pytest.approx(3.0, rel=0.01)
+    assert best.value("inertia@0") == pytest.approx(0.14, rel=0.01)
+    assert len(found(0.0)) == 1
+
+
+def test_a_weight_is_regressed_along_with_the_acceleration() -> None:
+    """The regression of the command takes a coarse encoder's noise for acceleration, and all that goes with it for
+    less."""
+    problem, structures = swung(3.0), (JointStructure(input="torque", electrical=False),)
+    (sine, cosine), beside = point_at(problem, structures, NAMED["gravity_tilt"])[2][0], NAMED["gravity_tilt"]
+    assert sine == pytest.approx(3.0, rel=0.2)
+    assert abs(cosine) < 0.1
+    assert point_at(problem, structures, beside).point.value("inertia@0") == pytest.approx(0.14, rel=0.2)
+    linear = {effect.name for effect in EFFECTS if effect.is_linear_in_place}
+    assert linear == {"gravity_tilt", "cable_spring"}
+
+
 def test_what_a_later_effect_contains_is_dropped_in_the_end() -> None:
     """Asymmetric friction beside an offset that stood in for it: one of the two is enough."""
     noise = 2e-3 * np.random.default_rng(0).standard_normal(5000)

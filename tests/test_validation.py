@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from envs.column_proposal import propose
 from envs.inspection import inspect, inspect_file
 from envs.log import JointFacts, Log, LogError
-from envs.log_files import load, load_with_findings, save
+from envs.log_files import load, load_with_findings, read_table, save
 from envs.log_statistics import jumps, quantisation_step, saturation, spikes, timing
 from envs.repair import repair, resample
 from envs.validation import check
@@ -390,6 +391,28 @@ def test_inspection(tmp_path: Path) -> None:
     assert joint.excitation_band[0] <= 20 / (2 * math.pi) <= joint.excitation_band[1] < 6.0
     assert joint.largest_speed == pytest.approx(6.0, rel=0.05)
     assert inspection.clock.rate == pytest.approx(1000.0)
+
+
+def test_a_drive_with_a_second_encoder_and_a_set_point_is_one_joint(tmp_path: Path) -> None:
+    columns = swing()
+    counts = np.round(columns["q1"] * 2546.5)
+    foreign = {
+        "time_s": columns["t"],
+        "commanded_position_counts": np.full_like(counts, 1000.0),
+        "control_effort_V": columns["v1"],
+        "encoder1_counts": counts,
+        "encoder2_counts": np.round(counts / 4.0),
+    }
+    path = write(tmp_path / "drive.csv", foreign)
+    proposal = propose(read_table(path))
+    assert {target: item.column for target, item in proposal.map.columns.items()} == {
+        "t": "time_s",
+        "q1": "encoder1_counts",
+        "v1": "control_effort_V",
+    }
+    assert proposal.left_out == ("commanded_position_counts", "encoder2_counts")
+    with pytest.raises(LogError, match="COUNTS_PER_TURN is the encoder's counts per turn of the joint: put in"):
+        list(inspect_file(path))
 
 
 def test_proposed_map_reads_the_file(tmp_path: Path) -> None:

@@ -91,6 +91,8 @@ MOTOR_TORQUE = {"command": 4, "torque": 3, "friction": 3}
 """Place of the motor torque among the arguments of a slot's function."""
 TIME = {"command": 1, "gain": 0, "torque": 0, "friction": 0}
 """Place of the time."""
+NEIGHBOUR = 4
+"""Place of the neighbouring joint among the arguments of a torque."""
 Starts = Callable[[Scales], Iterable[tuple[float, ...]]]
 
 
@@ -178,6 +180,13 @@ class Effect:
     def has_time(self) -> bool:
         """Whether time enters its law."""
         return self.scan in ("time", "event") or self._reads(TIME.get(self.slot))
+
+    @property
+    def is_linear_in_place(self) -> bool:
+        """Whether its torque is linear in all of its parameters and depends on where its own joint is."""
+        whole = self.slot == "torque" and self.variable == "position" and len(self.amplitudes) == self.size
+        others = (TIME["torque"], MOTOR_TORQUE["torque"], NEIGHBOUR)
+        return whole and self.scan is None and not any(map(self._reads, others))
 
     def _reads(self, place: int | None) -> bool:
         """Whether its function reads the argument at a place."""

@@ -349,7 +349,7 @@ def adjoint(problem: Problem, base: Fitted, joint: int) -> Adjoint:
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(problem.reading[window, joint])))])
     first = min(int(problem.burn_in / problem.sample_time), len(way) - length - 1)
     at = problem.bounds[0] + first + int(np.argmax(way[first + length :] - way[first : len(way) - length]))
-    size = 0.05 * float(np.std(problem.command[window, joint])) + 1e-12
+    size = 0.05 * float(np.sqrt(np.mean(problem.command[window, joint] ** 2))) + 1e-12
     extra = np.zeros((1, len(problem.time), problem.joints))
     extra[0, at, joint] = size
     plain = np.zeros_like(extra)

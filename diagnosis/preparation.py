@@ -116,7 +116,9 @@ def moving_joints(logs: Sequence[Log], wanted: int | None, findings: list[str]) 
         if not still:
             chosen.append(joint)
         else:
-            findings.append(f"joint {joint} is held still in {', '.join(still)} and is skipped")
+            idle = all(driven(log, joint) and not moves(log, joint) for log in logs)
+            why = "moves without a command" if idle else "is held still"
+            findings.append(f"joint {joint} {why} in {', '.join(still)} and is skipped")
     if wanted is None:
         chosen = [joint for joint in chosen if not stands_beside(logs, joint, chosen, findings)]
     if not chosen:
@@ -152,7 +154,7 @@ def driven(log: Log, joint: int) -> bool:
     """True when a joint moves and it or another joint of the log is commanded."""
     column = log.index(joint)
     step = log.facts[column].encoder_step or 0.0
-    commanded = bool(np.any(np.ptp(log.command, axis=0) > 0.0))
+    commanded = bool(log.command.any())
     return commanded and bool(np.ptp(log.position[:, column]) > max(STILL * step, 1e-9))
 
 
@@ -160,7 +162,7 @@ def moves(log: Log, joint: int) -> bool:
     """True when a joint is commanded and moves by more than its encoder's noise."""
     column = log.index(joint)
     step = log.facts[column].encoder_step or 0.0
-    return bool(np.ptp(log.position[:, column]) > max(STILL * step, 1e-9) and np.ptp(log.command[:, column]) > 0.0)
+    return bool(np.ptp(log.position[:, column]) > max(STILL * step, 1e-9) and log.command[:, column].any())
 
 
 def groups(logs: Sequence[Log], joints: tuple[int, ...], robot: Robot | None) -> list[tuple[int, ...]]:

@@ -160,7 +160,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     noise = fitted.weights
     residual = fitted.innovation * noise
     total, count = fitted.total, residual.size // problem.joints
-    size = 1e-3 * float(np.std(problem.command[:, joint]))
+    size = 1e-3 * float(np.sqrt(np.mean(problem.command[:, joint] ** 2)))
     responses: dict[str, Array] = {}
     for name, functions in groups.items():
         extra = np.zeros((len(functions), len(problem.time), problem.joints))

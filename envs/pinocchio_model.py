@@ -7,9 +7,11 @@ differently from version to version.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import singledispatch
+from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
 import numpy as np
@@ -111,7 +113,7 @@ def _(body: DescribedBody) -> pin.Model:
         if Path(body.path).suffix.lower() == ".urdf":
             model = pin.buildModelFromXML(_turning(Path(body.path)))
         else:
-            model = pin.buildModelFromMJCF(body.path)
+            model = _from_mjcf(Path(body.path))
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split()).rstrip(".")
         raise RobotError(f"Pinocchio refuses {body.path}: {reason}", remedy="Correct this element") from None
@@ -129,6 +131,31 @@ def _turning(path: Path) -> str:
                 joint.remove(limit)
             ElementTree.SubElement(joint, "limit", lower="-1e9", upper="1e9", effort="1e9", velocity="1e9")
     return ElementTree.tostring(tree.getroot(), encoding="unicode")
+
+
+def _from_mjcf(path: Path) -> pin.Model:
+    """A model from MJCF whose bodies all have names: Pinocchio loses the joint of a first one that has none."""
+    tree = ElementTree.parse(path)
+    taken = {body.get("name") for body in tree.iter("body")}
+    if None not in taken:
+        return pin.buildModelFromMJCF(str(path))
+    for number, body in enumerate(tree.iter("body")):
+        if body.get("name") is None:
+            body.set("name", next(name for name in _numbered(f"body {number}") if name not in taken))
+    for compiler in tree.iter("compiler"):
+        for entry in ("meshdir", "texturedir", "assetdir"):
+            if (folder := compiler.get(entry)) is not None:
+                compiler.set(entry, str((path.parent / folder).resolve()))
+    with TemporaryDirectory() as folder:
+        named = Path(folder) / path.name
+        tree.write(named, encoding="unicode")
+        return pin.buildModelFromMJCF(str(named))
+
+
+def _numbered(name: str) -> Iterator[str]:
+    """The name, and as many others as are wanted."""
+    yield name
+    yield from (f"{name}-{number}" for number in count(2))
 
 
 def _along(distance: float) -> pin.SE3:

@@ -170,17 +170,20 @@ def check_time_unit(log: Log, names: Names) -> None:
 
 
 def check_motion(log: Log, names: Names) -> None:
-    """Refuses a recording in which nothing moves or nothing is commanded. Single joints may be held."""
-    for signals, verb, remedy in (
-        (log.position, "moves", "Excite the joint, or map the column that carries its position"),
-        (log.command, "is commanded", "Drive the joint, or map the column that carries its command"),
+    """Refuses a recording in which nothing moves or nothing is commanded. Single joints may be held.
+
+    A command that stays the same drives a joint, too: a response to a step may be cut where it begins.
+    """
+    for prefix, signals, are_still, verb, remedy in (
+        ("q", log.position, not np.ptp(log.position, axis=0).any(), "moves", "Excite the joint"),
+        ("", log.command, not log.command.any(), "is commanded", "Drive the joint"),
     ):
-        if not np.ptp(signals, axis=0).any():
+        if are_still:
             joint = log.joints[0]
-            column = f"q{joint}" if signals is log.position else command_column(log, joint)
+            column, what = (f"q{joint}", "position") if prefix else (command_column(log, joint), "command")
             raise LogError(
                 f"the signal is constant ({signals[0, 0]:.6g}): nothing {verb}",
-                remedy=remedy,
+                remedy=f"{remedy}, or map the column that carries its {what}",
                 source=log.source,
                 column=names[column],
             )

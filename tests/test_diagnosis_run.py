@@ -218,6 +218,18 @@ def test_held_joints_are_skipped_and_said() -> None:
     said: list[str] = []
     assert moving_joints([two], None, said) == (1,)
     assert said == ["joint 2 is held still in log_1 and is skipped"]
+    passive = replace(
+        two,
+        command=np.hstack([log.command, 0.0 * log.command]),
+        position=np.hstack([log.position, 0.3 * log.position]),
+    )
+    assert moving_joints([passive], None, said) == (1,)
+    assert said[1] == "joint 2 moves without a command in log_1 and is skipped"
+
+
+def test_a_command_that_stays_the_same_drives_a_joint() -> None:
+    log = recorded(model_of({}), 1)
+    assert moving_joints([replace(log, command=np.full_like(log.command, 2.0))], None, []) == (1,)
 
 
 def test_planar_pair_is_recognised_in_the_logs() -> None:

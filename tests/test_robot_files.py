@@ -121,6 +121,21 @@ def test_continuous_joints_have_one_coordinate_in_pinocchio(tmp_path: Path) -> N
     assert inverse_dynamics(robot, model, *state) == pytest.approx(ours)
 
 
+def test_pinocchio_has_the_joints_of_bodies_without_a_name(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(
+        """<mujoco><compiler meshdir="."/><worldbody><body><joint name="shoulder" axis="0 1 0"/>
+        <inertial pos="0 0 -0.2" mass="2.0" diaginertia="0.03 0.03 0.03"/>
+        <body name="body 1" pos="0 0 -0.4"><joint name="elbow" axis="0 1 0"/>
+        <inertial pos="0 0 -0.1" mass="0.5" diaginertia="0.01 0.01 0.01"/></body></body></worldbody></mujoco>"""
+    )
+    (tmp_path / "arm.toml").write_text(SHARED.format(file="arm.xml"))
+    robot = find_robot(str(tmp_path / "arm.toml"))
+    model = pinocchio_model(robot)
+    state = (np.array([0.5, -0.2]), np.array([0.3, 0.7]), np.array([2.0, -1.0]))
+    ours = robot.inertia_matrix(state[0]) @ state[2] + robot.body.bias(*state[:2])
+    assert inverse_dynamics(robot, model, *state) == pytest.approx(ours)
+
+
 def test_the_documented_description_works_as_written(tmp_path: Path) -> None:
     page = (Path(__file__).parents[1] / "docs" / "robots.md").read_text(encoding="utf-8")
     (tmp_path / "arm.toml").write_text(page.split("```toml\n")[1].split("```")[0])

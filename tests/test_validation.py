@@ -165,6 +165,14 @@ def test_counts_per_turn_tell_radians_from_degrees(turn: float, sound: bool, cou
             load(path)
 
 
+def test_a_response_to_a_step_may_be_cut_where_it_begins(tmp_path: Path) -> None:
+    columns = swing()
+    columns["v1"].fill(2.0)
+    log, findings = load_with_findings(write(tmp_path / "log.csv", columns))
+    assert np.all(log.command == 2.0)
+    assert [finding.text for finding in findings] == ["v1 is constant (2 V)"]
+
+
 def test_a_sound_recording_has_no_findings(tmp_path: Path) -> None:
     assert load_with_findings(write(tmp_path / "log.csv", swing()))[1] == ()
 

@@ -7,13 +7,12 @@ differently from version to version.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import singledispatch
-from itertools import count
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 
@@ -109,11 +108,10 @@ def _(body: ScaraBody) -> pin.Model:
 
 @_body_model.register
 def _(body: DescribedBody) -> pin.Model:
+    if Path(body.path).suffix.lower() != ".urdf":
+        return _tree(body.spec().compile())
     try:
-        if Path(body.path).suffix.lower() == ".urdf":
-            model = pin.buildModelFromXML(_turning(Path(body.path)))
-        else:
-            model = _from_mjcf(Path(body.path))
+        model = pin.buildModelFromXML(_turning(Path(body.path)))
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split()).rstrip(".")
         raise RobotError(f"Pinocchio refuses {body.path}: {reason}", remedy="Correct this element") from None
@@ -133,29 +131,32 @@ def _turning(path: Path) -> str:
     return ElementTree.tostring(tree.getroot(), encoding="unicode")
 
 
-def _from_mjcf(path: Path) -> pin.Model:
-    """A model from MJCF whose bodies all have names: Pinocchio loses the joint of a first one that has none."""
-    tree = ElementTree.parse(path)
-    taken = {body.get("name") for body in tree.iter("body")}
-    if None not in taken:
-        return pin.buildModelFromMJCF(str(path))
-    for number, body in enumerate(tree.iter("body")):
-        if body.get("name") is None:
-            body.set("name", next(name for name in _numbered(f"body {number}") if name not in taken))
-    for compiler in tree.iter("compiler"):
-        for entry in ("meshdir", "texturedir", "assetdir"):
-            if (folder := compiler.get(entry)) is not None:
-                compiler.set(entry, str((path.parent / folder).resolve()))
-    with TemporaryDirectory() as folder:
-        named = Path(folder) / path.name
-        tree.write(named, encoding="unicode")
-        return pin.buildModelFromMJCF(str(named))
+def _tree(body: mujoco.MjModel) -> pin.Model:
+    """The kinematic tree that MuJoCo has compiled: includes, defaults, bodies without names and the weight of meshes
+    are settled there, and Pinocchio's own reader loses some of them without a word."""
+    model = pin.Model()
+    model.gravity.linear = body.opt.gravity
+    carriers = {0: (0, pin.SE3.Identity())}  # of every MuJoCo body: the joint that moves it, and its place behind that
+    for b in range(1, body.nbody):
+        joint, place = carriers[int(body.body_parentid[b])]
+        place = place * _placed(body.body_pos[b], body.body_quat[b])
+        for k in range(body.body_jntadr[b], body.body_jntadr[b] + body.body_jntnum[b]):
+            axis, zero = body.jnt_axis[k], float(body.qpos0[body.jnt_qposadr[k]])
+            anchor = pin.SE3(np.eye(3), body.jnt_pos[k])
+            if body.jnt_type[k] == mujoco.mjtJoint.mjJNT_HINGE:
+                kind, back = pin.JointModelRevoluteUnaligned(axis), pin.SE3(pin.exp3(-zero * axis), np.zeros(3))
+            else:
+                kind, back = pin.JointModelPrismaticUnaligned(axis), pin.SE3(np.eye(3), -zero * axis)
+            joint = model.addJoint(joint, kind, place * anchor * back, body.joint(k).name)
+            place = anchor.inverse()
+        inertia = pin.Inertia(float(body.body_mass[b]), np.zeros(3), np.diag(body.body_inertia[b]))
+        model.appendBodyToJoint(joint, inertia, place * _placed(body.body_ipos[b], body.body_iquat[b]))
+        carriers[b] = joint, place
+    return model
 
 
-def _numbered(name: str) -> Iterator[str]:
-    """The name, and as many others as are wanted."""
-    yield name
-    yield from (f"{name}-{number}" for number in count(2))
+def _placed(position: Array, quaternion: Array) -> pin.SE3:
+    return pin.SE3(pin.Quaternion(*quaternion).matrix(), position)
 
 
 def _along(distance: float) -> pin.SE3:

@@ -121,12 +121,29 @@ def test_continuous_joints_have_one_coordinate_in_pinocchio(tmp_path: Path) -> N
     assert inverse_dynamics(robot, model, *state) == pytest.approx(ours)
 
 
-def test_pinocchio_has_the_joints_of_bodies_without_a_name(tmp_path: Path) -> None:
-    (tmp_path / "arm.xml").write_text(
-        """<mujoco><compiler meshdir="."/><worldbody><body><joint name="shoulder" axis="0 1 0"/>
+BODIES = {
+    "without names": """<body><joint name="shoulder" axis="0 1 0"/>
         <inertial pos="0 0 -0.2" mass="2.0" diaginertia="0.03 0.03 0.03"/>
-        <body name="body 1" pos="0 0 -0.4"><joint name="elbow" axis="0 1 0"/>
-        <inertial pos="0 0 -0.1" mass="0.5" diaginertia="0.01 0.01 0.01"/></body></body></worldbody></mujoco>"""
+        <body name="fore" pos="0 0 -0.4"><joint name="elbow" axis="0 1 0"/>
+        <inertial pos="0 0 -0.1" mass="0.5" diaginertia="0.01 0.01 0.01"/></body></body>""",
+    "from another file": '<include file="other.xml"/>',
+    "weighed by its mesh": """<body euler="10 20 30"><joint name="shoulder" axis="0 1 0"/>
+        <geom type="mesh" mesh="wedge"/>
+        <body pos="0 0 -0.4"><joint name="elbow" axis="0 1 0"/><geom type="mesh" mesh="wedge"/></body></body>""",
+    "with two joints, an anchor and a reference": """<body pos="0.1 0 0" euler="0 0 40">
+        <joint name="shoulder" axis="0 1 1" pos="0 0.2 0.1" ref="0.3"/>
+        <joint name="elbow" type="slide" axis="1 0 1" ref="0.1"/>
+        <inertial pos="0 0 -0.2" mass="2.0" fullinertia="0.03 0.02 0.03 0.001 0.002 0.003"/>
+        <body pos="0.3 0 0"><geom size="0.1" pos="0 0.1 0"/></body></body>""",
+}
+
+
+@pytest.mark.parametrize("kind", BODIES)
+def test_pinocchio_has_the_body_that_mujoco_has(kind: str, tmp_path: Path) -> None:
+    (tmp_path / "other.xml").write_text(f"<mujoco>{BODIES['without names']}</mujoco>")
+    (tmp_path / "arm.xml").write_text(
+        f"""<mujoco><asset><mesh name="wedge" vertex="0 0 0  0 0.1 0  0.1 0 0  0 0 -0.3"/></asset>
+        <worldbody>{BODIES[kind]}</worldbody></mujoco>"""
     )
     (tmp_path / "arm.toml").write_text(SHARED.format(file="arm.xml"))
     robot = find_robot(str(tmp_path / "arm.toml"))

@@ -21,7 +21,6 @@ from diagnosis.lags import told_apart
 from diagnosis.nominal import (
     HOPELESS,
     JointStructure,
-    changing_torque,
     fit_nominal,
     limits_settled,
     point_at,
@@ -627,19 +626,20 @@ def also_from_regression(
     if not ranked:
         return ranked
     command = np.sqrt(np.mean(problem.command**2, axis=0))
-    point, friction, _ = point_at(problem, structures)
-    starts = [
-        (point, Start(Hypothesis(effect, j), np.full((problem.logs, 1), friction[j]), 0.0))
-        for effect, j in candidates
-        if effect.name == DRY and ranked[0].label != DRY and friction[j] > DRAG * command[j]
-    ]
-    for effect in dict.fromkeys(effect for effect, _ in candidates if effect.is_linear_in_place):
-        point, _, torque = point_at(problem, structures, effect)
-        size = changing_torque(problem, effect, torque)
+    starts: list[tuple[Point, Start]] = []
+    for effect in dict.fromkeys(effect for effect, _ in candidates):
+        if effect.name == DRY and ranked[0].label != DRY:
+            point, friction, *_ = point_at(problem, structures)
+            values, is_felt = friction[:, None], friction > DRAG * command
+        elif effect.is_linear_in_place:
+            point, _, values, change = point_at(problem, structures, effect)
+            is_felt = change > HELD * command
+        else:
+            continue
         starts += [
-            (point, Start(Hypothesis(effect, j), np.tile(torque[j], (problem.logs, 1)), 0.0))
+            (point, Start(Hypothesis(effect, j), np.tile(values[j], (problem.logs, 1)), 0.0))
             for other, j in candidates
-            if other is effect and size[j] > HELD * command[j]
+            if other is effect and is_felt[j]
         ]
     limit = ranked[0].fitted.criterion + base.samples * np.log(HOPELESS)
 

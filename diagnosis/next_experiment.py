@@ -115,10 +115,11 @@ def _sharpest(
 def excitations(problem: Problem, j: int, joint: int, limits: Range | None) -> Iterator[tuple[ScaledExcitation, float]]:
     """Candidates with the amplitude to begin with: the largest command seen, or what the drive accepts."""
     mean = float(np.mean(problem.command[:, j]))
-    peak = float(np.max(np.abs(problem.command[:, j] - mean))) or abs(mean)
+    swing = float(np.max(np.abs(problem.command[:, j] - mean)))
+    peak = swing or abs(mean)
     largest = peak if limits is None or not np.isfinite(limits.command) else min(2.0 * peak, limits.command)
     fastest = float(f"{min(25.0, 0.1 / problem.sample_time):.2g}")
-    offset = float(f"{mean:.3g}") if 0.2 * peak < abs(mean) != peak else 0.0
+    offset = float(f"{mean:.3g}") if swing > 0.0 and abs(mean) > 0.2 * swing else 0.0
     common = {"joints": (joint,), "amplitude": largest, "offset": offset}
     yield Multisine(band=(0.1, 2.0), **common), largest  # type: ignore[arg-type]
     yield Multisine(band=(0.5, fastest), **common), largest  # type: ignore[arg-type]

@@ -54,12 +54,13 @@ class JointStructure:
 
 
 class Regressed(NamedTuple):
-    """A starting point, and what was regressed along with it: dry friction (n,), and the parameters (n, size) of an
-    effect that is a linear torque."""
+    """A starting point, and what was regressed along with it: dry friction (n,), the parameters (n, size) of an effect
+    that is a linear torque, and the standard deviation (n,) of its torque over the motion."""
 
     point: Point
     friction: Array
-    torque: Array
+    parameters: Array
+    change: Array
 
 
 def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: Effect | None = None) -> Regressed:
@@ -95,7 +96,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
     for j in range(n):
         matrix, target = np.concatenate(rows[j]), np.concatenate(sides[j])
         solution = None if beside is None else _of_acceleration(matrix, target)
-        solutions.append(_least_squares(matrix, target) if solution is None else solution)
+        solutions.append(least_squares(matrix, target) if solution is None else solution)
     if problem.pair:
         q, dq, ddq, side = (np.concatenate(parts) for parts in zip(*motion, strict=True))
         pair = pair_start(q, dq, ddq, side, gravity=structures[0].gravity == "pendulum")
@@ -164,13 +165,16 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
     if problem.pair:
         _start_pair(parameters, rigid, free, pair, structures)
     switches = np.zeros((n, len(problem.kernel.effects)), dtype=bool)
+    point = Point(parameters, switches, rigid, problem.starts.copy(), tuple(free))
     friction = np.array([x[2] for x in solutions])
-    torque = np.array([x[len(x) - (beside.size if beside else 0) :] for x in solutions])
-    return Regressed(Point(parameters, switches, rigid, problem.starts.copy(), tuple(free)), friction, torque)
+    first = len(solutions[0]) - (beside.size if beside else 0)
+    own = np.array([x[first:] for x in solutions])
+    change = np.array([np.std(np.concatenate(part)[:, first:] @ x) for part, x in zip(rows, own, strict=True)])
+    return Regressed(point, friction, own, change)
 
 
-def _least_squares(matrix: Array, target: Array) -> Array:
-    """Coefficients by columns of any size."""
+def least_squares(matrix: Array, target: Array) -> Array:
+    """Coefficients of the columns, which may be of any size, in the regression of the target."""
     scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
     return np.linalg.lstsq(matrix / scale, target, rcond=1e-8)[0] / scale
 
@@ -178,7 +182,7 @@ def _least_squares(matrix: Array, target: Array) -> Array:
 def _of_acceleration(matrix: Array, command: Array) -> Array | None:
     """Coefficients of the columns, the first of which is the acceleration, in the regression of that on the command and
     all others; None where the command does not accelerate."""
-    per_command, *others = _least_squares(np.column_stack([command, matrix[:, 1:]]), matrix[:, 0])
+    per_command, *others = least_squares(np.column_stack([command, matrix[:, 1:]]), matrix[:, 0])
     return np.array([1.0, *(-c for c in others)]) / per_command if per_command > 0.0 else None
 
 
@@ -187,16 +191,6 @@ def torques_of(effect: Effect, position: Array, velocity: Array) -> list[Array]:
     assert effect.function is not None
     law = np.vectorize(effect.function, otypes=[float], excluded=("p",))
     return [law(0.0, position, velocity, 0.0, 0.0, p=unit) for unit in np.eye(effect.size)]
-
-
-def changing_torque(problem: Problem, effect: Effect, parameters: Array) -> Array:
-    """How much the torque of an effect that is linear in its parameters (n, size) changes over the motion of each joint
-    (n,), as its standard deviation."""
-    found = []
-    for j, own in enumerate(parameters):
-        torques = torques_of(effect, problem.reading[:, j], problem.velocity[:, j])
-        found.append(float(np.std(own @ np.stack(torques))))
-    return np.array(found)
 
 
 def _start_pair(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.nominal import Gravity, JointStructure
+from diagnosis.nominal import Gravity, JointStructure, least_squares
 from diagnosis.problem import smooth_derivatives
 from envs.compatibility import check_together, with_robot
 from envs.log import Array, Log, LogError
@@ -151,18 +151,15 @@ def stands_beside(logs: Sequence[Log], joint: int, others: Sequence[int], findin
 
 
 def driven(log: Log, joint: int) -> bool:
-    """True when a joint moves and it or another joint of the log is commanded."""
+    """True when a joint moves by more than its encoder's noise and it or another joint of the log is commanded."""
     column = log.index(joint)
     step = log.facts[column].encoder_step or 0.0
-    commanded = bool(log.command.any())
-    return commanded and bool(np.ptp(log.position[:, column]) > max(STILL * step, 1e-9))
+    return bool(log.command.any() and np.ptp(log.position[:, column]) > max(STILL * step, 1e-9))
 
 
 def moves(log: Log, joint: int) -> bool:
     """True when a joint is commanded and moves by more than its encoder's noise."""
-    column = log.index(joint)
-    step = log.facts[column].encoder_step or 0.0
-    return bool(np.ptp(log.position[:, column]) > max(STILL * step, 1e-9) and log.command[:, column].any())
+    return driven(log, joint) and bool(log.command[:, log.index(joint)].any())
 
 
 def groups(logs: Sequence[Log], joints: tuple[int, ...], robot: Robot | None) -> list[tuple[int, ...]]:
@@ -227,8 +224,7 @@ def planar_pair(log: Log, first: int, second: int) -> Gravity | None:
     def regression(terms: list[Array], target: Array) -> tuple[float, float]:
         """Coefficient of the last term, and the sum of squares that is left."""
         matrix = np.stack(terms, axis=1)[inner]
-        scale = np.sqrt(np.mean(matrix**2, axis=0)) + 1e-300
-        solution = np.linalg.lstsq(matrix / scale, target[inner], rcond=1e-8)[0] / scale
+        solution = least_squares(matrix, target[inner])
         return float(solution[-1]), float(np.sum((target[inner] - matrix @ solution) ** 2))
 
     for j in range(2):

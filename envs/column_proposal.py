@@ -20,20 +20,8 @@ WORDS: dict[str, tuple[str, ...]] = {
     "i": ("current", "cur", "iq", "amps", "amp", "ampere", "i", "ia", "ma"),
     "tau": ("torque", "effort", "tau", "force"),
     "v": (
-        "voltage",
-        "volts",
-        "volt",
-        "dac",
-        "u",
-        "v",
-        "vir",
-        "input",
-        "command",
-        "cmd",
-        "control",
-        "mv",
-        "pwm",
-        "duty",
+        *("voltage", "volts", "volt", "dac", "u", "v", "vir", "mv", "pwm", "duty"),
+        *("input", "command", "cmd", "control"),
     ),
     "t": ("time", "timestamp", "stamp", "zeit", "t", "secs", "seconds", "sec"),
     "q": ("position", "pos", "angle", "theta", "q", "qm", "encoder", "enc", "joint", "phi", "displacement"),
@@ -43,7 +31,7 @@ SECOND_RATE = (
     *("des", "desired", "ref", "reference", "goal", "target", "setpoint", "commanded", "wanted"),
     *("filt", "filtered", "error", "err"),
 )
-#: Commands in the order in which one is taken where a file has several.
+#: Commands, in the order in which one is taken where a file has several, and their units where no name states one.
 COMMANDS = {"v": "V", "i": "A", "tau": "N m"}
 #: Numbers that only the owner of a file knows, as they stand in a proposed unit, and what they are.
 UNKNOWNS = {
@@ -125,8 +113,8 @@ def propose(table: Table) -> Proposal:
         columns[f"q{joint}"] = ColumnSource(position, unit=unit)
         if unit in ("m", "mm", "um"):
             lengths.append(joint)
+    joints = max(1, len(positions))
     for signal, default in COMMANDS.items():
-        joints = max(1, len(positions))
         if len(commands[signal]) >= joints:
             for joint, name in enumerate(commands[signal][:joints], start=1):
                 unit = unit_of(name, signal) or command_unit(name, default, length=joint in lengths)
@@ -181,7 +169,8 @@ def unit_of(name: str, signal: str) -> str | None:
 def command_unit(name: str, default: str, *, length: bool) -> str:
     """Unit of a command whose name states none; a duty cycle needs its full scale from the owner of the file."""
     if {"pwm", "duty"} & set(words_of(name)):
-        return "V * SUPPLY_VOLTAGE / 100" if "percent" in words_of(name) else "V * SUPPLY_VOLTAGE / FULL_SCALE"
+        full_scale = "100" if "percent" in words_of(name) else "FULL_SCALE"
+        return f"V * SUPPLY_VOLTAGE / {full_scale}"
     return "N" if default == "N m" and length else default
 
 

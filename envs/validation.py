@@ -174,19 +174,21 @@ def check_motion(log: Log, names: Names) -> None:
 
     A command that stays the same drives a joint, too: a response to a step may be cut where it begins.
     """
-    for prefix, signals, are_still, verb, remedy in (
-        ("q", log.position, not np.ptp(log.position, axis=0).any(), "moves", "Excite the joint"),
-        ("", log.command, not log.command.any(), "is commanded", "Drive the joint"),
-    ):
-        if are_still:
-            joint = log.joints[0]
-            column, what = (f"q{joint}", "position") if prefix else (command_column(log, joint), "command")
-            raise LogError(
-                f"the signal is constant ({signals[0, 0]:.6g}): nothing {verb}",
-                remedy=f"{remedy}, or map the column that carries its {what}",
-                source=log.source,
-                column=names[column],
-            )
+    joint = log.joints[0]
+    if not np.ptp(log.position, axis=0).any():
+        raise LogError(
+            f"the signal is constant ({log.position[0, 0]:.6g}): nothing moves",
+            remedy="Excite the joint, or map the column that carries its position",
+            source=log.source,
+            column=names[f"q{joint}"],
+        )
+    if not log.command.any():
+        raise LogError(
+            "the signal is constant (0): nothing is commanded",
+            remedy="Drive the joint, or map the column that carries its command",
+            source=log.source,
+            column=names[command_column(log, joint)],
+        )
 
 
 def check_position_unit(log: Log, names: Names) -> None:

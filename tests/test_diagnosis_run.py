@@ -603,6 +603,20 @@ def test_extended_model_runs_in_the_environment(with_friction: tuple) -> None:
 # ------------------------------------------------------------------------------------- what the data can and cannot say
 
 
+@pytest.mark.parametrize(
+    ("command", "amplitude", "offset"),
+    [([0.0, 2.0, 0.0, 2.0], 1.0, 1.0), ([2.0, 2.0, 2.0, 2.0], 2.0, 0.0), ([1.0, -1.0, 1.0, -1.0], 1.0, 0.0)],
+    ids=["on and off", "constant", "about zero"],
+)
+def test_experiments_swing_as_the_logs_did(command: list[float], amplitude: float, offset: float) -> None:
+    from diagnosis.next_experiment import excitations
+
+    problem = SimpleNamespace(command=np.array(command)[:, None], sample_time=8.9e-3)
+    proposed = list(excitations(problem, 0, 1, None))
+    assert {(largest, excitation.offset) for excitation, largest in proposed} == {(amplitude, offset)}
+    assert proposed[1][0].band == (0.5, 11.0)
+
+
 def test_isolability_and_next_experiment(with_friction: tuple) -> None:
     from diagnosis.isolability import isolability
     from diagnosis.next_experiment import next_experiment, seen

@@ -723,10 +723,8 @@ def swung(weight: float) -> Problem:
     time, q, w = dt * np.arange(800), 0.0, 0.0
     command, reading = np.zeros((800, 1)), np.zeros((800, 1))
     for k in range(len(time)):
-        reading[k], command[k] = (
-            step * np.round(q / step),
-            0.9 * np.tanh(5.0 * w + float(k < 10)) * np.sin(0.7 * k * dt),
-        )
+        reading[k] = step * np.round(q / step)
+        command[k] = 0.9 * np.tanh(5.0 * w + float(k < 10)) * np.sin(0.7 * time[k])
         for _ in range(steps):
             w += dt / steps * (command[k, 0] - 0.03 * w - weight * np.sin(q)) / 0.14
             q += dt / steps * w
@@ -756,11 +754,12 @@ def test_a_weight_that_no_one_stated_also_begins_from_the_regression() -> None:
 def test_a_weight_is_regressed_along_with_the_acceleration() -> None:
     """The regression of the command takes a coarse encoder's noise for acceleration, and all that goes with it for
     less."""
-    problem, structures = swung(3.0), (JointStructure(input="torque", electrical=False),)
-    (sine, cosine), beside = point_at(problem, structures, NAMED["gravity_tilt"])[2][0], NAMED["gravity_tilt"]
+    structures = (JointStructure(input="torque", electrical=False),)
+    found = point_at(swung(3.0), structures, NAMED["gravity_tilt"])
+    sine, cosine = found.parameters[0]
     assert sine == pytest.approx(3.0, rel=0.2)
     assert abs(cosine) < 0.1
-    assert point_at(problem, structures, beside).point.value("inertia@0") == pytest.approx(0.14, rel=0.2)
+    assert found.point.value("inertia@0") == pytest.approx(0.14, rel=0.2)
     linear = {effect.name for effect in EFFECTS if effect.is_linear_in_place}
     assert linear == {"gravity_tilt", "cable_spring"}
 

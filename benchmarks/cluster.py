@@ -16,6 +16,8 @@ from benchmarks import fingerprint
 from benchmarks.cells import Cell, Prepared, TaskReference, failed_row, needed, prepare, run_cell
 from benchmarks.isolation import preload
 
+CONNECTING = 20.0
+"""Time [s] that a scheduler has to answer."""
 AHEAD = 2
 """Groups of cells per worker thread that are handed in at a time, so that data do not pile up."""
 
@@ -36,7 +38,7 @@ def run_on_cluster(cells: Sequence[Cell], address: str, finish: Callable[[dict[s
     for item in cells:
         groups[item.task, item.seed].append(item)
     try:
-        client = Client(address, set_as_default=False, timeout="20s")
+        client = Client(address, set_as_default=False, timeout=CONNECTING)
     except OSError as error:
         raise ClusterError(f"there is no Dask scheduler at {address} ({error}). Start one: dask scheduler") from None
     setting = _Setting(fingerprint.installation(), needed(cells))

@@ -210,7 +210,8 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_table(
     pd.testing.assert_frame_equal(local, remote_table, check_exact=True)
 
 
-def test_no_scheduler_is_one_line(tiny: str, tmp_path: Path) -> None:
+def test_no_scheduler_is_one_line(tiny: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("benchmarks.cluster.CONNECTING", 1.0)
     with pytest.raises(ClusterError, match="no Dask scheduler at tcp:"):
         run([tiny], ["constant"], [0], Store(tmp_path), workers=1, scheduler="tcp://127.0.0.1:1", progress=False)
 

@@ -333,6 +333,7 @@ def test_phase_of_a_disturbance_is_that_of_the_held_out_log() -> None:
     assert rms(replay(shifted, right).windows) < 0.02 * rms(replay(shifted, plain).windows)
 
 
+@pytest.mark.slow
 def test_phase_of_a_disturbance_is_not_that_of_a_badly_known_velocity_at_the_beginning() -> None:
     """A joint with little friction remembers for seconds what a coarse encoder has shown of its first velocity."""
     parameters = {"inertia": 0.07, "viscous": 0.005, "back_emf": 0.0, "electrical_time_constant": 0.0}

@@ -236,6 +236,7 @@ def test_friction_whose_sign_is_rounded_is_dry_friction(friction: Friction, widt
     assert free(finding, f"{form}.rounding") == pytest.approx(width, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_sign_of_the_velocity_as_friction() -> None:
     finding = diagnosed(lambda w: 0.12 * math.copysign(1.0, w), steps=1)
     assert (finding.verdict, names(finding)) == ("named", ["coulomb_friction"])
@@ -264,6 +265,7 @@ def test_friction_of_mujoco_is_a_soft_constraint(timestep: float, skip: int, noi
     assert free(finding, "constrained_coulomb_friction.hold") == pytest.approx(0.9, abs=0.03)  # solimp's first number
 
 
+@pytest.mark.slow
 def test_a_log_without_any_noise() -> None:
     finding = diagnosed_in_mujoco('stiffness="0.3"', timestep=1e-3, skip=2, noise=0.0)
     assert (finding.verdict, names(finding)) == ("named", ["cable_spring"])

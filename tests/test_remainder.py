@@ -107,7 +107,8 @@ def shows(left: Remainder) -> bool:
     return left.excess > 5.0 * left.scattered or left.disturbance_share > 1.5 * Settings().disturbance
 
 
-@pytest.mark.parametrize("stiffness", [0.25, pytest.param(0.35, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("stiffness", [0.25, 0.35])
 def test_a_missing_effect_is_no_noise(stiffness: float, play: tuple[Problem, Fitted, Remainder]) -> None:
     assert shows(without_its_cable(stiffness))
     assert not shows(play[2])

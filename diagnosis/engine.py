@@ -28,7 +28,7 @@ from diagnosis.nominal import (
     without_limits,
 )
 from diagnosis.patchwork import Patchwork, patchwork
-from diagnosis.problem import Problem, in_band
+from diagnosis.problem import Problem, Work, in_band
 from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainder
 from diagnosis.search import (
@@ -92,10 +92,14 @@ LIMITED = 0.25
 """The same for torque limits that act or do not."""
 END = 2.0
 """Budgets of simulations after which a search seeks no further effects."""
+LENGTH = 60_000
+"""Samples of all logs up to which the budget counts simulations, whatever their length."""
 DRIVEN_BY = {"position": "place", "motor torque": "motor", "command": "motor"}
 """By the signals that effects follow, groups whose laws are too unlike for one to stand in for another."""
 UNDERSTATED = 4.0
 """By what factor a fit may exceed what a regression says of an effect."""
+FORESEEN = 100.0
+"""Rms of the nominal errors over that of their innovations from which the band of the motion is searched first."""
 STEADY = 0.5
 """Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
 CLEARED = 0.1
@@ -125,7 +129,7 @@ class Settings:
     effect needs half of that, or all beside one in which small causes grow. inexact: share of what was explained above
     which no such excuse holds, unless the torque stays below `seen`: rounding is not quite noise.
     budget: simulations of all logs, of each joint by itself, after which no other ways are tried; after twice as many
-    no further effects are sought.
+    no further effects are sought. Of logs with more than `LENGTH` samples fewer, in proportion.
     """
 
     threshold: float = 12.0
@@ -236,10 +240,11 @@ def find(
 ) -> Finding:
     """Name what the nominal model misses. held_out: data that are not fitted, on which weak effects have to show.
 
-    The whole band of the encoder decides first: there an exact model leaves nothing but noise. Where something is left
-    (`unknown`), the effects are sought again in the band in which the joint moved, and those that shape the motion
-    there are reported, unless those of the whole band do better there, too; the verdict stays. Only where the search in
-    the whole band, begun again from them, leaves nothing, they are what was missing.
+    The whole band of the encoder decides: there an exact model leaves nothing but noise. Where it hardly tells models
+    apart (`is_foreseen`), its search begins from what the band shows in which the joint moved. Where something is left
+    (`unknown`), the effects are sought again in that band, and those that shape the motion there are reported, unless
+    those of the whole band do better there, too; the verdict stays. Only where the search in the whole band, begun
+    again from them, leaves nothing, they are what was missing.
     """
     settings = settings or Settings()
     with threadpool_limits(1, "blas"):  # the kernels run in parallel; matrix products of this size do not gain from it
@@ -255,31 +260,74 @@ def _find(
     held_out: Problem | None,
 ) -> Finding:
     search = Search.begin(problem, structures, effects, settings, tell)
+    banded = longer = None
+    if is_foreseen(problem, search.nominal):
+        banded = in_motion(replace(problem, work=Work()), structures, effects, settings, tell)
+        longer = continued(search, banded, search.nominal.criterion, held_out)
+        if longer is not None and longer.verdict != "unknown":
+            return quiet(problem, longer, effects, settings)
     whole = search.concluded(search.completed(search.grown(search.start)), held_out)
     if whole.verdict in ("none", "named"):
         return quiet(problem, whole, effects, settings)
+    dearest = cost(problem, whole.final, whole.accepted) - settings.threshold
+    if longer is not None and cost(problem, longer.final, longer.accepted) < dearest:
+        whole = longer
     depends = sum(r.excess for r in whole.remainders) > 0.0
     if whole.verdict != "unknown" or not depends:
         return whole
-    narrow = in_band(problem)
-    if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
+    if banded is None:
+        banded = in_motion(problem, structures, effects, settings, tell)
+        if not search.is_spent:
+            longer = continued(search, banded, dearest, held_out)
+            if longer is not None and longer.verdict != "unknown":
+                return quiet(problem, longer, effects, settings)
+    if banded is None:
         return whole
-    tell("again in the band of the motion")
-    inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded), tell)
-    banded = inner.concluded(inner.grown(inner.start))
-    is_cut = whole.is_cut or (search.is_spent and bool(banded.accepted))
-    path = None
-    if not search.is_spent:
-        path = carried_over(search, banded, cost(problem, whole.final, whole.accepted) - settings.threshold)
-    if path is not None:
-        tell("again in the whole band")
-        longer = search.concluded(search.grown(path), held_out)
-        if longer.verdict != "unknown":
-            return quiet(problem, longer, effects, settings)
-    if whole.accepted and does_better(narrow, held_out, whole, banded, settings.threshold):
+    narrow, found = banded
+    is_cut = whole.is_cut or (search.is_spent and bool(found.accepted))
+    if whole.accepted and does_better(narrow, held_out, whole, found, settings.threshold):
         return replace(whole, is_cut=is_cut)
     band = 0.4 / (narrow.decimation * problem.sample_time)
-    return replace(banded, verdict="unknown", remainders=whole.remainders, band=band, is_cut=is_cut)
+    return replace(found, verdict="unknown", remainders=whole.remainders, band=band, is_cut=is_cut)
+
+
+def is_foreseen(problem: Problem, nominal: Fitted) -> bool:
+    """Whether each reading follows from those before it whatever the model: the errors of the nominal one are far more
+    than their innovations.
+
+    The whole band then hardly tells models apart, and fits there may stop anywhere.
+    """
+    error = np.mean(nominal.error[problem.used] ** 2, axis=0)
+    return bool(np.any(error > FORESEEN**2 * (nominal.variances + nominal.floor)))
+
+
+def in_motion(
+    problem: Problem,
+    structures: tuple[JointStructure, ...],
+    effects: Sequence[Effect],
+    settings: Settings,
+    tell: Callable[[str], None],
+) -> tuple[Problem, Finding] | None:
+    """What the band in which the joint moved shows by itself, and the problem there; None where it is no narrower or
+    too short."""
+    narrow = in_band(problem)
+    if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
+        return None
+    tell("in the band of the motion")
+    inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded), tell)
+    return narrow, inner.concluded(inner.grown(inner.start))
+
+
+def continued(
+    search: Search, banded: tuple[Problem, Finding] | None, most: float, held_out: Problem | None
+) -> Finding | None:
+    """What the search in the whole band concludes when it goes on from what the band of the motion has shown; None
+    where nothing was shown, or it costs more than `most` there."""
+    path = None if banded is None else carried_over(search, banded[1], most)
+    if path is None:
+        return None
+    search.tell("again in the whole band")
+    return search.concluded(search.grown(path), held_out)
 
 
 def quiet(problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings) -> Finding:
@@ -532,10 +580,11 @@ class Search:
         if base is not before:
             left = remainders(problem, base)
         accepted = [
-            confirmed(problem, base, item, accepted[i + 1 :], settings) if accepted[i + 1 :] else item
+            confirmed(problem, base, simpler_rivals(item, left), accepted[i + 1 :], settings)
             for i, item in enumerate(accepted)
         ]
         accepted = [disguised(problem, base, item, accepted, self.effects, settings) for item in accepted]
+        accepted = [in_other_terms(problem, base, item, self.effects, settings) for item in accepted]
         pieces = patchwork(problem, base, accepted, settings.rival)
         said = verdict(problem, nominal, base, accepted, left, settings)
         if pieces or not all(stays_itself(problem, replace(item.scored, fitted=base)) for item in accepted):
@@ -562,9 +611,10 @@ class Search:
 
     @property
     def taken(self) -> float:
-        """Simulations so far over the budget; two joints that move together take twice as long for one."""
-        simulations = self.problem.joints * self.problem.work.samples / len(self.problem.time)
-        return simulations / max(self.settings.budget, 1)
+        """Simulations so far over the budget; two joints that move together take twice as long for one, and logs of
+        more than `LENGTH` samples longer."""
+        length = min(len(self.problem.time), LENGTH)
+        return self.problem.joints * self.problem.work.samples / length / max(self.settings.budget, 1)
 
     @property
     def is_spent(self) -> bool:
@@ -756,7 +806,7 @@ def choose(
     """The best hypothesis that is significant and material; among near equals the one with fewest parameters.
 
     accepted: effects that are there already, whose inexact laws a small further one may repair. least: decrease of
-    -2 log likelihood that noise alone can bring.
+    -2 log likelihood that noise alone can bring. A general form of a law that is there is how to repair it.
     """
     ranked = [s for s in ranked if is_resolved(problem, s) and is_steady(problem, s) and is_possible(problem, s)]
     ranked = textbook(ranked)
@@ -765,7 +815,8 @@ def choose(
     top = ranked[0]
     material = settings.material if accepted else settings.faint
     margin = max(settings.rival, 0.02 * top.decrease)
-    if top.decrease < max(settings.minor * explained, least):
+    there = {(item.label, item.joint) for item in accepted}
+    if top.decrease < max(0.0 if law(top.start) in there else settings.minor * explained, least):
         return None
     best = max(s.evidence for s in ranked)
     near = [
@@ -778,7 +829,7 @@ def choose(
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
         least_share = material
-        if scored.decrease <= settings.inexact * explained:
+        if scored.decrease <= settings.inexact * explained and law(scored.start) not in there:
             least_share = least_beside(scored.effect, hypothesis.joint, scored.evidence, accepted, settings)
         if share >= least_share:
             rivals = tuple(
@@ -876,7 +927,22 @@ def stays_itself(problem: Problem, scored: Scored) -> bool:
     """Whether an effect is in the final model what its name says: within the size that it can have and, of what is
     periodic in the position, half a period at least. Beside others it may have become a piece of another law."""
     periodic = scored.effect.scan == "position"
-    return is_possible(problem, scored) and (not periodic or is_resolved(problem, scored))
+    return (
+        is_possible(problem, scored)
+        and is_of_its_shape(problem, scored)
+        and (not periodic or is_resolved(problem, scored))
+    )
+
+
+def is_of_its_shape(problem: Problem, scored: Scored) -> bool:
+    """Whether the exponents of a general law lie within what such laws have: at the end of that range it stands in for
+    another one."""
+    values = scored.fitted.point.parameters[0, scored.start.hypothesis.joint, problem.kernel.own(scored.effect)]
+    return not any(
+        value < p.lower / AT_END or (value > p.upper * AT_END and not p.is_open_above)
+        for value, p in zip(values, scored.effect.parameters, strict=True)
+        if p.dimension == "ratio" and p.lower > 0.0 and np.isfinite(p.upper)
+    )
 
 
 def prune(
@@ -970,17 +1036,28 @@ def alone(problem: Problem, item: Accepted, chosen: Accepted) -> Iterator[Fitted
     yield fit(problem, bare.point, rounds=2, iterations=8)
 
 
+def simpler_rivals(item: Accepted, left: Sequence[Remainder]) -> Accepted:
+    """The effect without rivals of more parameters where it leaves nothing to explain: it does as well with fewer."""
+    if left[item.joint].excess > 0.0:
+        return item
+    return replace(item, rivals=tuple(rival for rival in item.rivals if rival.effect.size <= item.effect.size))
+
+
 def confirmed(
     problem: Problem, base: Fitted, item: Accepted, later: Sequence[Accepted], settings: Settings
 ) -> Accepted:
-    """The effect with those of its rivals that do as well in its place beside the effects found after it."""
+    """The effect with those of its rivals that do as well in its place beside the effects found after it.
+
+    They are fitted as far as it has been since: what seemed equal may only have stopped short.
+    """
 
     def cost(rival: Scored) -> float:
         point = rival.fitted.point
         for other in later:
             values = base.point.parameters[:, other.joint, problem.kernel.own(other.effect)]
             point = extend(problem, point, other.scored.start.hypothesis, values)
-        return fit(problem, point, rounds=2, iterations=10).criterion + rival.price
+        fits = fit(problem, point, rounds=2, iterations=10), free_of_filter(problem, point)
+        return min(fitted.criterion for fitted in fits) + rival.price
 
     limit = base.criterion + item.scored.price + settings.rival
     costs = each(cost, item.rivals)
@@ -1013,6 +1090,30 @@ def disguised(
             if rival.fitted.criterion < base.criterion + margin:
                 item = replace(item, rivals=(*item.rivals, rival))
     return item
+
+
+def in_other_terms(
+    problem: Problem, base: Fitted, item: Accepted, effects: Sequence[Effect], settings: Settings
+) -> Accepted:
+    """The effect, where it is a general form of its law, with such forms of other laws that do as well for rivals.
+
+    Of other laws only the textbook's forms have competed with it. Where nothing lies between command and torque, a
+    gradual saturation of the amplifier is one of the torque constant.
+    """
+    if not item.effect.neutral:
+        return item
+    least, known = FORK * item.scored.evidence, {item.label, *(rival.label for rival in item.rivals)}
+    near = {r.name for r in item.considered if r.joint == item.joint and r.decrease - r.price > least} - known
+    others = [(effect, item.joint) for effect in effects if effect.label in near and effect.neutral]
+    if not others:
+        return item
+    limit = base.criterion + item.scored.price + settings.rival
+    rivals = [
+        rival
+        for rival in try_all(problem, without(problem, base, item), others)
+        if rival.fitted.criterion + rival.price < limit and is_of_its_shape(problem, rival)
+    ]
+    return replace(item, rivals=(*item.rivals, *rivals))
 
 
 def simplified_afterwards(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from envs.log import Array, Log, LogError
 from envs.log_files import load_with_findings
 from envs.robot import Robot, RobotError
 from envs.robots import find_robot
+from envs.validation import DOUBTFUL_UNIT
 
 STILL = 20.0
 """A joint whose position stays within this many encoder steps is held still."""
@@ -36,13 +37,17 @@ class DiagnosisError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Recordings:
-    """Logs to fit and logs to measure the gain on, with everything that was noticed. `on` says what the latter are."""
+    """Logs to fit and logs to measure the gain on, with everything that was noticed. `on` says what the latter are.
+
+    doubtful: what was noticed of joints whose angle may be in another unit than radians.
+    """
 
     fitted: tuple[Log, ...]
     held_out: tuple[Log, ...]
     on: str
     robot: Robot | None
     findings: tuple[str, ...]
+    doubtful: Mapping[int, str] = field(default_factory=dict)
 
 
 def recordings(
@@ -53,7 +58,11 @@ def recordings(
         raise DiagnosisError("there is no log to diagnose. Give at least one")
     read = [load_with_findings(path, columns, repair=repair) for path in (*logs, *holdout)]
     said = [f"{log.name}: {finding.text}" for log, findings in read for finding in findings]
-    return arrange([log for log, _ in read[: len(logs)]], [log for log, _ in read[len(logs) :]], robot, said)
+    found = arrange([log for log, _ in read[: len(logs)]], [log for log, _ in read[len(logs) :]], robot, said)
+    if found.robot is not None:  # whose range the angles have been compared with
+        return found
+    doubts = (finding for _, findings in read for finding in findings if finding.kind == DOUBTFUL_UNIT)
+    return replace(found, doubtful={doubt.joint: doubt.text for doubt in doubts if doubt.joint is not None})
 
 
 def arrange(logs: Sequence[Log], holdout: Sequence[Log], robot: str | None, said: Sequence[str] = ()) -> Recordings:

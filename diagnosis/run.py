@@ -31,6 +31,7 @@ from diagnosis.output import to_json
 from diagnosis.parameters import JointUnits, effect_parameters, joint_units, nominal_parameters
 from diagnosis.partial_residual import partial_residuals
 from diagnosis.preparation import (
+    DiagnosisError,
     Recordings,
     given_numbers,
     groups,
@@ -173,6 +174,7 @@ def diagnose(
     results, gaps, ledger, extensions, proposals = [], [], [], [], []
     for group in groups(read.fitted, joints, read.robot):
         solved = solve(read, group, known, settings, tell, seconds)
+        check_turns(read, solved)
         started = clock.perf_counter()
         tell(f"joint {', '.join(map(str, group))}: measuring the gain")
         for j in range(len(group)):
@@ -215,6 +217,15 @@ def diagnose(
         mujoco_difference=twin.difference,
     )
     return diagnosis, model, twin
+
+
+def check_turns(read: Recordings, solved: Solved) -> None:
+    """Refuses an answer that depends on how long a turn is where that is in doubt. Raises DiagnosisError."""
+    for item in solved.finding.accepted:
+        joint = solved.joints[item.joint]
+        if item.effect.turns and joint in read.doubtful:
+            what = f"{item.label.replace('_', ' ')} of joint {joint}"
+            raise DiagnosisError(f"{what}, which these logs show, depends on what a turn is: {read.doubtful[joint]}")
 
 
 def together_said(read: Recordings, parts: int, results: Sequence[JointResult]) -> list[str]:

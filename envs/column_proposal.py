@@ -11,7 +11,7 @@ import numpy as np
 from envs.column_map import ColumnMap, ColumnSource
 from envs.log import Array
 from envs.log_tables import Table
-from envs.validation import SLOWEST_INTERVAL, WIDEST_SWING, counts_radians
+from envs.validation import SLOWEST_INTERVAL, WIDEST_SWING, counts_per_turn
 
 #: Words that names of columns are made of, by the signal they speak of; the first match of a column counts.
 WORDS: dict[str, tuple[str, ...]] = {
@@ -194,4 +194,4 @@ def angle_unit(values: Array) -> str:
     span = float(np.ptp(values)) if len(values) else 0.0
     if span > 0 and np.array_equal(values, np.round(values)):
         return "turn / COUNTS_PER_TURN"
-    return "rad" if span <= WIDEST_SWING or counts_radians(values) else "deg"
+    return "rad" if span <= WIDEST_SWING or counts_per_turn(values) == 2.0 * np.pi else "deg"

@@ -15,8 +15,10 @@ from envs.log_statistics import MAD_TO_STD, jumps, quantisation_step, spikes, ti
 MINIMUM_SAMPLES = 16
 #: Interval [s] from which on time is taken for milliseconds: no servo is logged as slowly as this.
 SLOWEST_INTERVAL = 0.5
-#: Range [rad] of a motion back and forth that no joint makes (two turns): degrees, millimetres or counts.
+#: Range [rad] of a motion back and forth that few joints make (two turns): it may be in degrees or counts.
 WIDEST_SWING = 4.0 * math.pi
+#: Kind of the finding that an angle may be in another unit.
+DOUBTFUL_UNIT = "doubtful_unit"
 #: Counts per turn up to which a step read off a file tells whether they are whole, and those of finer encoders.
 COUNTED = 2e4
 USUAL_COUNTS = (
@@ -29,10 +31,14 @@ VELOCITY_FACTORS = {"deg/s": 180.0 / math.pi, "rpm": 30.0 / math.pi, "mrad/s or 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something worth saying about a log that does not make it unusable. `kind` is stable, `text` is for people."""
+    """Something worth saying about a log that does not make it unusable. `kind` is stable, `text` is for people.
+
+    joint: the joint that it is about, where others rely on that.
+    """
 
     kind: str
     text: str
+    joint: int | None = None
 
 
 @dataclass(frozen=True)
@@ -202,11 +208,9 @@ def check_position_unit(log: Log, names: Names) -> None:
             continue
         position = np.delete(position, spikes(position))
         span = float(np.ptp(position))
-        path = float(np.abs(np.diff(position)).sum())
-        returns = abs(position[-1] - position[0]) < 0.5 * path
-        widest = WIDEST_SWING if unit == "rad" else 10.0
-        if span > widest and returns and not (unit == "rad" and counts_radians(position)):
-            whole = np.array_equal(position, np.round(position))
+        whole = np.array_equal(position, np.round(position))
+        told = whole or unit == "m" or counts_per_turn(position) == 360.0
+        if told and is_wide(position, unit):
             if unit == "rad":
                 guess, spoken = ("turn / COUNTS", "encoder counts") if whole else ("deg", "degrees")
             else:
@@ -221,12 +225,18 @@ def check_position_unit(log: Log, names: Names) -> None:
             )
 
 
-def counts_radians(position: Array) -> bool:
-    """Whether the angle comes in whole counts per turn of 2 pi, and not in whole counts per turn of 360."""
+def is_wide(position: Array, unit: str) -> bool:
+    """Whether a joint moves back and forth over more than joints usually do."""
+    path = float(np.abs(np.diff(position)).sum())
+    returns = abs(position[-1] - position[0]) < 0.5 * path
+    return bool(returns and np.ptp(position) > (WIDEST_SWING if unit == "rad" else 10.0))
+
+
+def counts_per_turn(position: Array) -> float | None:
+    """The turn, 2 pi or 360, of which the angle comes in whole counts, and not of the other one; None if none."""
     step = quantisation_step(position)
-    if step is None:
-        return False
-    return is_counted(2.0 * math.pi / step) and not is_counted(360.0 / step)
+    turns = () if step is None else [turn for turn in (2.0 * math.pi, 360.0) if is_counted(turn / step)]
+    return turns[0] if len(turns) == 1 else None
 
 
 def is_counted(counts: float) -> bool:
@@ -276,13 +286,22 @@ def clock_findings(log: Log, names: Names) -> Iterator[Finding]:
 
 
 def position_findings(log: Log, names: Names) -> Iterator[Finding]:
-    """Joints that are held, single-sample spikes and lasting jumps."""
+    """Joints that are held, angles that may be in another unit, single-sample spikes and lasting jumps."""
     for column, joint in enumerate(log.joints):
         position = log.position[:, column]
         name = names[f"q{joint}"]
         if not np.ptp(position):
             yield Finding("held_joint", f"{name} is constant: joint {joint} did not move and cannot be identified")
             continue
+        unit = log.facts[column].position_unit
+        kept = np.delete(position, spikes(position))
+        if f"q{joint}" not in names.stated and is_wide(kept, unit) and counts_per_turn(kept) != 2.0 * math.pi:
+            yield Finding(
+                DOUBTFUL_UNIT,
+                f"{name} moves back and forth over {np.ptp(kept):.4g} rad: if these are degrees, state "
+                f'q{joint} = {{ column = "{name}", unit = "deg" }} in a column map (unit = "rad" if it is so)',
+                joint,
+            )
         yield from spike_findings(position, name)
         lasting = jumps(position)
         if len(lasting):

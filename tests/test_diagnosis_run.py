@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import cast
 
 import mujoco
 import numpy as np
@@ -44,7 +45,7 @@ from diagnosis.result import (
     NominalParameter,
     ParameterEstimate,
 )
-from diagnosis.run import Solved, diagnose, is_determined, joint_title, scale_said, solve, together_said
+from diagnosis.run import Solved, check_turns, diagnose, is_determined, joint_title, scale_said, solve, together_said
 from envs.adeptone import adeptone as adept_robot
 from envs.excitation import parse
 from envs.log import Array, JointFacts, Log
@@ -819,3 +820,28 @@ def test_an_effect_of_which_no_parameter_is_known_is_not_determined() -> None:
     assert is_determined(flexible(80.0, 70.0, 1.0))
     assert not is_determined(flexible(80.0, 70.0, 100.0))
     assert is_determined(flexible(80.0))
+
+
+def test_what_a_turn_is_has_to_be_known_where_the_answer_depends_on_it() -> None:
+    read = arrange([recorded(model_of({}), 1)], [recorded(model_of({}), 2)], None)
+    read = replace(read, doubtful={1: "back and forth"})
+    named = {effect.name: effect for effect in built_in()}
+
+    def solved(name: str) -> Solved:
+        return cast(Solved, SimpleNamespace(joints=(1,), finding=SimpleNamespace(accepted=[Named(named[name])])))
+
+    check_turns(read, solved("coulomb_friction"))
+    with pytest.raises(DiagnosisError, match=r"gravity tilt of joint 1.*depends on what a turn is: back and forth"):
+        check_turns(read, solved("gravity_tilt"))
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect of the first joint as a search names it."""
+
+    effect: Effect
+    joint: int = 0
+
+    @property
+    def label(self) -> str:
+        return self.effect.label

@@ -1,6 +1,7 @@
 """The search for missing effects: forms of laws, the unfiltered view, what becomes free, what is put together."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,6 +22,9 @@ from diagnosis.engine import (
     confirmed,
     find,
     firm_ground_first,
+    in_other_terms,
+    is_foreseen,
+    is_of_its_shape,
     is_possible,
     is_steady,
     is_too_small,
@@ -32,6 +36,7 @@ from diagnosis.engine import (
     near_equals,
     nearly_as_good,
     settled_anew,
+    simpler_rivals,
     stays_itself,
     textbook,
     unified,
@@ -60,7 +65,7 @@ from diagnosis.search import (
 from diagnosis.timing import _timed, is_timed, timing_settled
 from diagnosis.turns import TURNS, in_turns
 from diagnosis.whitening import absorption, whitener
-from envs.log import Array, JointFacts, Log
+from envs.log import Array, InputKind, JointFacts, Log
 from methods.base import State
 from methods.effects import built_in
 from methods.effects.base import Effect, geometric
@@ -75,15 +80,21 @@ WEAK = 4e-4
 JOINT = {"inertia": 0.07, "viscous": 0.02, "back_emf": 0.7, "electrical_time_constant": 0.004}
 
 
-def record(effects: dict[str, dict[str, float]], noise: Array | None = None, seconds: float = 10.0) -> Log:
-    """A voltage-driven joint with these effects under a multisine; noise (T,): a torque that nobody logged."""
+def record(
+    effects: dict[str, dict[str, float]],
+    noise: Array | None = None,
+    seconds: float = 10.0,
+    nominal: dict[str, float] = JOINT,
+    input: InputKind = "voltage",
+) -> Log:
+    """A joint with these effects under a multisine; noise (T,): a torque that nobody logged."""
     time = DT * np.arange(int(seconds / DT))
     hertz = np.array([0.3, 0.7, 1.3, 2.9, 5.3])
     command = np.sum(1.2 * np.sin(2 * np.pi * np.outer(time, hertz) + np.arange(5)), axis=1)[:, None]
-    model = StructuredModel((StructuredJoint(1, "voltage", JOINT, effects),), DT, None, EFFECTS)
+    model = StructuredModel((StructuredJoint(1, input, nominal, effects),), DT, None, EFFECTS)
     applied = command if noise is None else command + noise[:, None]
     motion = model.simulate(time, applied, State.at_rest(0.0))
-    facts = JointFacts(input="voltage", position_unit="rad", encoder_step=STEP)
+    facts = JointFacts(input=input, position_unit="rad", encoder_step=STEP)
     return Log(time, command, STEP * np.round(motion.position / STEP), (1,), facts=(facts,), name="synthetic")
 
 
@@ -338,6 +349,57 @@ def test_rivals_are_judged_beside_what_was_found_later() -> None:
     spring = accepted(problem, true.scored.fitted, "cable_spring", [0.01, 0.0])
     item = confirmed(problem, spring.scored.fitted, replace(true, rivals=(wrong, same)), [spring], Settings())
     assert [rival.name for rival in item.rivals] == ["coulomb_friction"]
+
+
+def test_a_rival_that_only_stopped_short_of_the_same_is_none() -> None:
+    """Neither beside later effects nor alone; a law of more parameters is none where nothing is left to explain."""
+    problem = problem_of({"input_delay": {"delay": 0.02}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    delay = accepted(problem, nominal, "input_delay", [0.02])
+    lag = accepted(problem, nominal, "amplifier_lag", [0.02]).scored
+    rivals = replace(delay, rivals=(replace(lag, decrease=delay.scored.decrease),))
+    assert confirmed(problem, delay.scored.fitted, rivals, (), Settings()).rivals == ()
+    spring = accepted(problem, nominal, "joint_flexibility", [0.4, 8.0, 0.5]).scored
+    both = replace(delay, rivals=(lag, spring))
+    left = remainder(problem, delay.scored.fitted, 0)
+    complete, incomplete = (replace(left, decrease=decrease) for decrease in (0.0, 1e4))
+    assert simpler_rivals(both, [complete]).rivals == (lag,)
+    assert simpler_rivals(both, [incomplete]).rivals == (lag, spring)
+
+
+def test_general_forms_of_other_laws_are_rivals_of_a_general_form() -> None:
+    """A gradual saturation of the torque constant is one of the amplifier where nothing lies between them."""
+    clipped = {"gradual_voltage_saturation": {"voltage": 1.0, "sharpness": 2.0}}
+    log = record(clipped, nominal={"inertia": 0.07, "viscous": 0.7}, input="torque")
+    problem = stack(KERNEL, [log], (1,))
+    nominal = fit_nominal(problem, (JointStructure(input="torque", electrical=False),))
+    item = accepted(problem, nominal, "gradual_voltage_saturation", [1.0, 2.0])
+    other = Ranked("torque_constant_saturation", 0, 0.8 * item.scored.decrease, item.scored.price)
+    found = in_other_terms(problem, item.scored.fitted, replace(item, considered=(other,)), EFFECTS, Settings())
+    assert [rival.name for rival in found.rivals] == ["torque_constant_saturation_power"]
+    far = replace(other, decrease=0.3 * item.scored.decrease)
+    assert (
+        in_other_terms(problem, item.scored.fitted, replace(item, considered=(far,)), EFFECTS, Settings()).rivals == ()
+    )
+
+
+@pytest.mark.parametrize(("taper", "is_one"), [(0.7, False), (2.6, True), (30.0, True)])
+def test_an_exponent_at_the_end_of_its_range_is_another_law(taper: float, is_one: bool) -> None:
+    problem = problem_of({})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    hypothesis, values = Hypothesis(NAMED["tapered_coulomb_friction"], 0), np.array([[0.1, 0.1, taper]])
+    fitted = replace(nominal, point=extend(problem, nominal.point, hypothesis, values))
+    found = Scored(Start(hypothesis, values, 0.0), fitted, 0.0, 0.0)
+    assert is_of_its_shape(problem, found) is is_one
+    assert stays_itself(problem, found) is is_one
+
+
+def test_models_hardly_differ_where_readings_follow_from_one_another() -> None:
+    problem = problem_of({})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    assert not is_foreseen(problem, nominal)
+    slow = np.sin(np.linspace(0.0, 6.0, len(problem.time)))[:, None]
+    assert is_foreseen(problem, replace(nominal, error=nominal.error + 0.1 * slow))
 
 
 def test_lags_trade_places() -> None:
@@ -843,12 +905,15 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     nominal = fit_nominal(problem, (JointStructure(),))
     offset = accepted(problem, nominal, "amplifier_offset", [2e-3]).scored
     explained = 50.0 * offset.decrease
-    there = lambda joint, variable, scatters=False: SimpleNamespace(  # noqa: E731
-        joint=joint, effect=SimpleNamespace(variable=variable, scatters=scatters)
+    there = lambda joint, variable, scatters=False, label="": SimpleNamespace(  # noqa: E731
+        joint=joint, label=label, effect=SimpleNamespace(variable=variable, scatters=scatters)
     )
     pick = lambda *items: choose(problem, [offset], Settings(), explained, items)  # noqa: E731
     assert pick(there(0, "velocity")) is None
     assert pick(there(1, "velocity")) is not None
+    small = partial(choose, problem, [offset], Settings(minor=1.0), explained)
+    assert small((there(1, "velocity"),)) is None
+    assert small((there(1, "velocity"), there(0, "velocity", label="amplifier_offset"))) is not None  # another form
     share = materiality(problem, offset.fitted, "amplifier_offset", 0)
     limits = Settings(relevant=1.5 * share)
     assert choose(problem, [offset], limits, explained, (there(0, "velocity"),)) is not None
@@ -1224,6 +1289,14 @@ def test_two_joints_that_move_together_have_half_the_simulations() -> None:
     wide = replace(problem, command=np.tile(problem.command, 2), work=Work(60 * len(problem.time)))
     assert replace(search, problem=wide).taken == pytest.approx(1.2)
     assert replace(search, problem=replace(problem, work=wide.work)).taken == pytest.approx(0.6)
+
+
+def test_long_logs_have_fewer_simulations(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of({})
+    search = Search.begin(problem, (JointStructure(),), [], Settings(budget=100), lambda text: None)
+    monkeypatch.setattr("diagnosis.engine.LENGTH", len(problem.time) // 2)
+    half = replace(search, problem=replace(problem, work=Work(60 * len(problem.time))))
+    assert half.taken == pytest.approx(1.2)
 
 
 def test_the_motion_of_a_model_is_simulated_once() -> None:

@@ -17,7 +17,7 @@ from envs.log import JointFacts, Log, LogError
 from envs.log_files import load, load_with_findings, read_table, save
 from envs.log_statistics import jumps, quantisation_step, saturation, spikes, timing
 from envs.repair import repair, resample
-from envs.validation import check
+from envs.validation import DOUBTFUL_UNIT, check
 
 Columns = dict[str, np.ndarray]
 
@@ -102,6 +102,11 @@ def counts(columns: Columns) -> None:
     del columns["dq1"]
 
 
+def degrees(columns: Columns) -> None:
+    columns["q1"] = 360.0 / 8192 * np.round(8192 / (2 * math.pi) * columns["q1"])
+    del columns["dq1"]
+
+
 def small_motion_in_degrees(columns: Columns) -> None:
     columns["dq1"] /= 10.0
     columns["q1"] *= 18.0 / math.pi
@@ -121,7 +126,7 @@ BAD: dict[str, tuple[Callable[[Columns], None], str, str | None, int | None]] = 
     "milliseconds": (scale("t", 1e3), "looks like ms", "t", 1),
     "microseconds": (scale("t", 1e6), "looks like us", "t", 1),
     "hours": (scale("t", 1 / 3.6e6), "is implausible", "t", 1),
-    "degrees": (lambda c: (scale("q1", 57.3)(c), scale("dq1", 57.3)(c)), "looks like degrees", "q1", None),
+    "degrees": (degrees, "looks like degrees", "q1", None),
     "counts": (counts, "looks like encoder counts", "q1", None),
     "velocity in degrees": (scale("dq1", 180 / math.pi), "the velocity looks like deg/s", "dq1", None),
     "small motion in degrees": (small_motion_in_degrees, "the position looks like deg", "dq1", None),
@@ -163,6 +168,15 @@ def test_counts_per_turn_tell_radians_from_degrees(turn: float, sound: bool, cou
     else:
         with pytest.raises(LogError, match="looks like degrees"):
             load(path)
+
+
+def test_where_counts_do_not_tell_the_unit_is_doubtful(tmp_path: Path) -> None:
+    columns = swing()
+    del columns["dq1"]
+    columns["q1"] *= 57.3
+    _, (finding,) = load_with_findings(write(tmp_path / "log.csv", columns))
+    assert (finding.kind, finding.joint) == (DOUBTFUL_UNIT, 1)
+    assert "if these are degrees, state" in finding.text
 
 
 def test_a_response_to_a_step_may_be_cut_where_it_begins(tmp_path: Path) -> None:

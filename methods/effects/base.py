@@ -53,13 +53,17 @@ Dimension = Literal[
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """One parameter: canonical name, dimension, bounds in model units, and what the number means."""
+    """One parameter: canonical name, dimension, bounds in model units, and what the number means.
+
+    is_open_above: at the upper bound of a shape its law is as good as at infinity, a corner.
+    """
 
     name: str
     dimension: Dimension
     meaning: str
     lower: float = -float("inf")
     upper: float = float("inf")
+    is_open_above: bool = False
 
 
 @dataclass(frozen=True)
@@ -119,6 +123,7 @@ class Effect:
         same.
     drives: whether the motor torque enters its law, which a function of its own shows by itself.
     scatters: whether small causes grow in it, as in impacts, so that what noise leaves depends on the motion.
+    turns: whether its law is the same again a turn of 2 pi further.
     remembers: whether it has a state that outlasts the motion of a few seconds, which a log does not show.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
         `kind` is the name they share, `after` the instance that has to be there first.
@@ -145,6 +150,7 @@ class Effect:
     tries: int = 1
     drives: bool = False
     scatters: bool = False
+    turns: bool = False
     remembers: bool = False
     excludes: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()

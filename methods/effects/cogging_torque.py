@@ -28,6 +28,7 @@ EFFECT = Effect(
     amplitudes=(0, 1),
     function=torque,
     scan="position",
+    turns=True,
     resolved=lambda p, s: is_periodic(p[2], s),
 )
 

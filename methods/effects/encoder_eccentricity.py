@@ -27,4 +27,5 @@ EFFECT = Effect(
     amplitudes=(0, 1),
     starts=lambda s: [(1e-3, 1e-3)] if s.revolute else [],
     function=sensor,
+    turns=True,
 )

@@ -7,7 +7,11 @@ friction and a constant torque: no log tells it from an offset of the amplifier.
 Source: B. Armstrong-Helouvry, Control of Machines with Friction, 1991 (direction-dependent Coulomb and viscous terms).
 """
 
+import math
+from dataclasses import replace
+
 from methods.effects.base import Effect, EffectParameter
+from methods.effects.coulomb_friction import ROUNDING, WIDTHS, turns_slowly
 
 
 def torque(t, q, dq, w, x, p):
@@ -32,3 +36,25 @@ EFFECT = Effect(
     includes=("amplifier_offset",),
     beside=("coulomb_friction", "stribeck_friction", "presliding_friction"),
 )
+
+
+def rounded(t, q, dq, w, x, p):
+    """torque / 2 |tanh(dq / rounding)| + viscous / 2 |dq|."""
+    return 0.5 * p[0] * abs(math.tanh(dq / p[2])) + 0.5 * p[1] * abs(dq)
+
+
+ROUNDED = replace(
+    EFFECT,
+    name="rounded_friction_asymmetry",
+    kind="friction_asymmetry",
+    parameters=(*EFFECT.parameters, ROUNDING),
+    equation=r"\tau_f = \Delta T/2\,|\tanh(\dot q/v_0)| + \Delta b/2\,|\dot q|",
+    includes=("friction_asymmetry", "amplifier_offset"),
+    beside=(),
+    resolved=lambda p, s: turns_slowly(p[2], s),
+    starts=lambda s: [
+        (0.02 * s.torque_rms, 0.02 * s.torque_rms / s.velocity_rms, share * s.velocity_rms) for share in WIDTHS
+    ],
+    function=rounded,
+)
+EFFECTS = (EFFECT, ROUNDED)

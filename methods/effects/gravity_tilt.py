@@ -33,4 +33,5 @@ EFFECT = Effect(
     amplitudes=(0, 1),
     starts=starts,
     function=torque,
+    turns=True,
 )

@@ -27,6 +27,29 @@ EFFECT = Effect(
 )
 
 
+def levelling(u, t, q, dq, w, p):
+    """u (1 - gain |w| / (1 + levelling gain |w|))."""
+    loss = p[0] * abs(w)
+    return u * max(0.0, 1.0 - loss / (1.0 + p[1] * loss))
+
+
+LEVELLING = replace(
+    EFFECT,
+    name="supply_sag_levelling",
+    kind="supply_sag",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("levelling", "ratio", "of the loss at high torque; with 1 it is v / (1 + g |i|)", 0.0, 20.0),
+    ),
+    equation=r"v_a = v\,\left(1 - \frac{g\,|i|}{1 + c\,g\,|i|}\right)",
+    includes=("supply_sag",),
+    neutral=(0.0,),
+    starts=lambda s: [(0.02 / s.torque_rms, 1.0)],
+    function=levelling,
+)
+"""As a source gives way whose voltage falls ever less."""
+
+
 def by_command(u, t, q, dq, w, p):
     """u (1 - gain |u|)."""
     return u * max(0.0, 1.0 - p[0] * abs(u))
@@ -75,5 +98,14 @@ BY_DUTY = replace(
     function=by_duty,
 )
 """As a simulator may have it in which the supply's current is the share of the motor's, whatever its sign."""
-FORMS = (EFFECT, BY_COMMAND, BY_POWER, BY_DUTY)
-EFFECTS = tuple(replace(form, excludes=tuple(f.name for f in FORMS if f is not form)) for form in FORMS)
+FORMS = (EFFECT, LEVELLING, BY_COMMAND, BY_POWER, BY_DUTY)
+
+
+
+def excluded(form):
+    """The other forms of the law, save those that contain this one or are contained in it."""
+    apart = (f for f in FORMS if f is not form and f.name not in form.includes and form.name not in f.includes)
+    return tuple(f.name for f in apart)
+
+
+EFFECTS = tuple(replace(form, excludes=excluded(form)) for form in FORMS)

@@ -31,6 +31,7 @@ EFFECT = Effect(
     amplitudes=(0, 1),
     function=gain,
     scan="position",
+    turns=True,
     resolved=lambda p, s: is_periodic(p[2], s),
 )
 

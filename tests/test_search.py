@@ -369,11 +369,11 @@ def test_a_rival_that_only_stopped_short_of_the_same_is_none() -> None:
 
 def test_general_forms_of_other_laws_are_rivals_of_a_general_form() -> None:
     """A gradual saturation of the torque constant is one of the amplifier where nothing lies between them."""
-    clipped = {"gradual_voltage_saturation": {"voltage": 1.0, "sharpness": 2.0}}
+    clipped = {"gradual_voltage_saturation": {"voltage": 3.0, "sharpness": 2.0}}
     log = record(clipped, nominal={"inertia": 0.07, "viscous": 0.7}, input="torque")
     problem = stack(KERNEL, [log], (1,))
     nominal = fit_nominal(problem, (JointStructure(input="torque", electrical=False),))
-    item = accepted(problem, nominal, "gradual_voltage_saturation", [1.0, 2.0])
+    item = accepted(problem, nominal, "gradual_voltage_saturation", [3.0, 2.0])
     other = Ranked("torque_constant_saturation", 0, 0.8 * item.scored.decrease, item.scored.price)
     found = in_other_terms(problem, item.scored.fitted, replace(item, considered=(other,)), EFFECTS, Settings())
     assert [rival.name for rival in found.rivals] == ["torque_constant_saturation_power"]

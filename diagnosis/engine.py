@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis.arm_damping import arm_damping_settled, undivided
 from diagnosis.beginning import started, twists_settled
-from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
+from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain, scatters
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, distances, hopped
 from diagnosis.hypotheses import PER_LOG, Hypothesis, Start, command_response, extend, proposals, sizes_of, withdraw
@@ -1218,13 +1218,16 @@ def deviance(held_out: Problem, fitted: Fitted) -> float:
 
 
 def with_jitter(problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings) -> Finding:
-    """The finding with a jitter of the sampling instants where the scatter or the stamps show one."""
+    """The finding with a jitter of the sampling instants where the scatter or the stamps show one.
+
+    Where small causes grow, the errors are larger in motion, too, whatever the instants.
+    """
     effect = next((effect for effect in effects if effect.name == JITTER), None)
     if effect is None:
         return finding
     cost, dt = float(np.log(finding.final.samples)), problem.sample_time
     for j in range(problem.joints):
-        found = jitter(problem, finding.final, j)
+        found = None if scatters(problem, finding.final.point, j) else jitter(problem, finding.final, j)
         if problem.stamps is not None:
             found = Jitter(problem.stamps.error, problem.stamps.error / np.sqrt(2.0 * cost), problem.stamps.decrease)
         if found is None or found.decrease < cost + settings.threshold or found.rms < settings.jitter * dt:

@@ -23,6 +23,9 @@ EVEN = 20.0
 """Least decrease of -2 log likelihood for which stamps are put aside."""
 TOLERANCE = 0.5
 """Share by which a stated time constant or inertia may be wrong (one standard deviation)."""
+LONGEST = 0.02
+"""Time constant [s] beyond which a lag is none of a winding that nobody stated: those of servo motors have a
+millisecond, large ones ten."""
 HOPELESS = 2.0
 """Mean square of the innovations over that of the fit so far, from which a first fit is not carried on."""
 FAR = 1.15
@@ -140,7 +143,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
                     COLUMN["electrical_time_constant"],
                     begin,
                     0.0,
-                    1.0,
+                    LONGEST if known is None else 1.0,
                     centre=begin,
                     deviation=np.inf if known is None else TOLERANCE * known,
                 )

@@ -402,6 +402,14 @@ def test_models_hardly_differ_where_readings_follow_from_one_another() -> None:
     assert is_foreseen(problem, replace(nominal, error=nominal.error + 0.1 * slow))
 
 
+def test_a_long_lag_is_none_of_a_winding_that_nobody_stated() -> None:
+    problem = problem_of({"amplifier_lag": {"time_constant": 0.05}})
+    assert fit_nominal(problem, (JointStructure(),)).point.value("electrical_time_constant@0") <= 0.02
+    finding = find(problem, (JointStructure(),), [NAMED["amplifier_lag"], NAMED["input_delay"]])
+    assert (finding.verdict, [item.label for item in finding.accepted]) == ("named", ["amplifier_lag"])
+    assert finding.final.point.value("amplifier_lag.time_constant@0") == pytest.approx(0.05, rel=0.02)
+
+
 def test_lags_trade_places() -> None:
     """The three lags in series of a joint with a slow amplifier: the effect is tried as each of the other two."""
     problem = problem_of({"amplifier_lag": {"time_constant": 0.02}})

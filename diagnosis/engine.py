@@ -935,13 +935,13 @@ def stays_itself(problem: Problem, scored: Scored) -> bool:
 
 
 def is_of_its_shape(problem: Problem, scored: Scored) -> bool:
-    """Whether the exponents of a general law lie within what such laws have: at the end of that range it stands in for
+    """Whether the shape of a general law lies within what such laws have: at some ends of that range it stands in for
     another one."""
     values = scored.fitted.point.parameters[0, scored.start.hypothesis.joint, problem.kernel.own(scored.effect)]
     return not any(
-        value < p.lower / AT_END or (value > p.upper * AT_END and not p.is_open_above)
+        (p.stands_in_at in ("lower", "both") and value < p.lower / AT_END)
+        or (p.stands_in_at in ("upper", "both") and value > p.upper * AT_END)
         for value, p in zip(values, scored.effect.parameters, strict=True)
-        if p.dimension == "ratio" and p.lower > 0.0 and np.isfinite(p.upper)
     )
 
 

@@ -90,7 +90,8 @@ class Problem:
     leak [rad/s] pulls the predicted angle towards the measured one, rate_leak [1/s^2] the velocity; burn_in [s] is what
     is discarded at the beginning of every log while initial errors of the angle decay. decimation: the errors are
     compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band). stamps: see `Stamps`.
-    command_limits: largest command per joint, 0 where unknown. motions: see `diagnosis.estimation.predicted_motion`.
+    command_limits: largest command per joint, 0 where unknown. dither: see `dither_of`. motions: see
+    `diagnosis.estimation.predicted_motion`.
     """
 
     kernel: Kernel
@@ -113,6 +114,7 @@ class Problem:
     command_limits: tuple[float, ...] = ()
     starts: Array = field(default_factory=lambda: np.zeros((0, 0, len(BEGINNING))))
     arm: KnownTorques | None = None
+    dither: Array = field(default_factory=lambda: np.zeros(0))
     work: Work = field(default_factory=Work)
     motions: WeakKeyDictionary[Any, Array] = field(default_factory=WeakKeyDictionary, init=False, repr=False)
 
@@ -333,13 +335,18 @@ def bounded(error: Array) -> Array:
     return np.clip(error, -DIVERGED, DIVERGED, out=error)
 
 
-def dithered(readings: Sequence[Array]) -> Array:
-    """Continuous readings of every log (T, n), one after the other, with a little noise, which no sensor is free of.
+def dither_of(readings: Sequence[Array]) -> Array:
+    """Rms (n,) of the noise that continuous readings of these logs (T, n) are given."""
+    return DITHER * np.std(np.concatenate([np.diff(reading, axis=0) for reading in readings]), axis=0)
+
+
+def dithered(readings: Sequence[Array], size: Array) -> Array:
+    """Continuous readings of every log (T, n), one after the other, with a little noise (n,), which no sensor is free
+    of.
 
     Simulators write logs without any. Whatever a model misses is then infinitely more than noise, and what it predicts
     to the last bit has no likelihood.
     """
-    size = DITHER * np.std(np.concatenate([np.diff(reading, axis=0) for reading in readings]), axis=0)
     reading = np.concatenate(readings)
     return reading + size * np.random.default_rng(0).standard_normal(reading.shape)
 
@@ -362,10 +369,12 @@ def stack(
     neighbours: bool = True,
     burn_in: float | None = None,
     arm: KnownTorques | None = None,
+    dither: Array | None = None,
 ) -> Problem:
     """Lay out logs for a fit of the named joints; other joints of the logs serve as neighbours for coupling effects.
 
-    arm: known torques of the rest of the arm on a single joint; they are held over samples.
+    arm: known torques of the rest of the arm on a single joint; they are held over samples. dither: that of other logs
+    (n,), where these are compared with them: a sensor has the same noise in all.
     """
     parts = [part for log in logs for part in segments(log, LIMIT // len(logs))]
     times, commands, readings, others, starts = [], [], [], [], []
@@ -401,11 +410,14 @@ def stack(
         or next((step for part in readings if (step := quantisation_step(part[:, j])) is not None), 0.0)
         for j, fact in enumerate(facts)
     ]
+    dither = dither_of(readings) if dither is None else dither
+    smooth_readings = dithered(readings, dither)
     return Problem(
         kernel=kernel,
         time=np.concatenate(times),
         command=np.ascontiguousarray(np.concatenate(commands)),
-        reading=np.ascontiguousarray(np.where(np.array(steps) > 0.0, np.concatenate(readings), dithered(readings))),
+        reading=np.ascontiguousarray(np.where(np.array(steps) > 0.0, np.concatenate(readings), smooth_readings)),
+        dither=dither,
         bounds=np.cumsum([0, *(len(part) for part in parts)]),
         hold=np.array([0 if fact.hold == "zero_order" else 1 for fact in facts], dtype=np.int64),
         neighbour=np.concatenate(others) if others else np.zeros((0, len(joints), 3)),

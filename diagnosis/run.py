@@ -416,9 +416,8 @@ def solve(
             rest = "" if arm is None else REST_OF_THE_ARM
         except MethodError as error:
             rest = f"what the motion of the other joints does to it is not known: {error.problem}"
-    problem, held_out = (
-        stack(kernel, logs, group, pair=len(group) > 1, arm=arm) for logs in (read.fitted, read.held_out)
-    )
+    problem = stack(kernel, read.fitted, group, pair=len(group) > 1, arm=arm)
+    held_out = stack(kernel, read.held_out, group, pair=len(group) > 1, arm=arm, dither=problem.dither)
     problem, held_out = settle_stamps(problem, held_out, structures)
     units = tuple(
         joint_units(

@@ -402,6 +402,19 @@ def test_models_hardly_differ_where_readings_follow_from_one_another() -> None:
     assert is_foreseen(problem, replace(nominal, error=nominal.error + 0.1 * slow))
 
 
+def test_continuous_readings_of_all_logs_have_the_same_noise() -> None:
+    """A sensor does not know how fast it is moved: held-out logs of faster motion would seem to be missed."""
+    slow = record({})
+    slow = replace(slow, position=0.3 * np.sin(4.0 * slow.time)[:, None], facts=(JointFacts(),))
+    fast = replace(slow, position=5.0 * slow.position)
+    fitted = stack(KERNEL, [slow], (1,))
+    held_out = stack(KERNEL, [fast], (1,), dither=fitted.dither)
+    noise = [np.std(p.reading - log.position) for p, log in ((fitted, slow), (held_out, fast))]
+    assert noise[0] == pytest.approx(0.02 * np.std(np.diff(slow.position, axis=0)), rel=0.02)
+    assert noise[1] == pytest.approx(noise[0])
+    assert stack(KERNEL, [fast], (1,)).dither == pytest.approx(5.0 * fitted.dither)
+
+
 def test_a_long_lag_is_none_of_a_winding_that_nobody_stated() -> None:
     problem = problem_of({"amplifier_lag": {"time_constant": 0.05}})
     assert fit_nominal(problem, (JointStructure(),)).point.value("electrical_time_constant@0") <= 0.02

@@ -58,7 +58,10 @@ POWER = replace(
     EFFECT,
     name="backlash_power",
     kind="backlash",
-    parameters=(*EFFECT.parameters, EffectParameter("exponent", "ratio", "of the contact: 1.5 by Hertz", 0.8, 2.5)),
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("exponent", "ratio", "of the contact: 1.5 by Hertz", 0.8, 2.5, "both"),
+    ),
     equation=r"F = K\,x\,|2x/b|^{n-1},\ x = \delta - \mathrm{clip}(\delta, \pm b/2),\ \delta = q - q_l",
     source="Hunt and Crossley 1975",
     excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side"),

@@ -55,7 +55,7 @@ Dimension = Literal[
 class EffectParameter:
     """One parameter: canonical name, dimension, bounds in model units, and what the number means.
 
-    is_open_above: at the upper bound of a shape its law is as good as at infinity, a corner.
+    stands_in_at: the ends of a shape's range that no such law has, so that it stands in for another one there.
     """
 
     name: str
@@ -63,7 +63,7 @@ class EffectParameter:
     meaning: str
     lower: float = -float("inf")
     upper: float = float("inf")
-    is_open_above: bool = False
+    stands_in_at: Literal["", "lower", "upper", "both"] = ""
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ TAPERED = replace(
     parameters=(
         *ROUNDED.parameters,
         EffectParameter(
-            "taper", "ratio", "1 like an arc tangent, 3 like a hyperbolic tangent, 20 with a corner", 0.7, 30.0, True
+            "taper", "ratio", "1 like an arc tangent, 3 like a hyperbolic tangent, 20 with a corner", 0.7, 30.0, "lower"
         ),
     ),
     equation=r"\tau_f = T_c\,\dot q / (v_0^n + |\dot q|^n)^{1/n}",

@@ -41,7 +41,9 @@ GRADUAL = replace(
     kind="dead_zone",
     parameters=(
         *EFFECT.parameters,
-        EffectParameter("sharpness", "ratio", "of the transition; a dead zone with corners beyond 20", 1.0, 60.0, True),
+        EffectParameter(
+            "sharpness", "ratio", "of the transition; a dead zone with corners beyond 20", 1.0, 60.0, "lower"
+        ),
     ),
     equation=r"v_a = v\,[1 - v_0 / (|v|^n + v_0^n)^{1/n}]",
     includes=("dead_zone",),

@@ -40,7 +40,7 @@ POWER = replace(
     kind="quadratic_drag",
     parameters=(
         EffectParameter("coefficient", "torque per velocity squared", "torque at unit velocity", lower=0.0),
-        EffectParameter("exponent", "ratio", "power of the velocity", 1.4, 3.0),
+        EffectParameter("exponent", "ratio", "power of the velocity", 1.4, 3.0, "both"),
     ),
     equation=r"\tau_f = c\,|\dot q|^{n-1} \dot q",
     starts=lambda s: [(0.02 * s.torque_rms / s.velocity_rms**n, n) for n in (1.7, 2.4)],

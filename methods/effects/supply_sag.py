@@ -101,7 +101,6 @@ BY_DUTY = replace(
 FORMS = (EFFECT, LEVELLING, BY_COMMAND, BY_POWER, BY_DUTY)
 
 
-
 def excluded(form):
     """The other forms of the law, save those that contain this one or are contained in it."""
     apart = (f for f in FORMS if f is not form and f.name not in form.includes and form.name not in f.includes)

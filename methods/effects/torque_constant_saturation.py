@@ -40,7 +40,7 @@ POWER = replace(
     kind="torque_constant_saturation",
     parameters=(
         *EFFECT.parameters,
-        EffectParameter("exponent", "ratio", "of the fall at high torque, half of its power", 0.05, 8.0, True),
+        EffectParameter("exponent", "ratio", "of the fall at high torque, half of its power", 0.05, 8.0),
     ),
     equation=r"\tau_m = \alpha i / (1 + c\,i^2 / n)^n",
     starts=lambda s: [(0.02 / s.torque_rms**2, exponent) for exponent in (0.5, 2.0)],

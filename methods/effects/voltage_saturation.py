@@ -42,7 +42,7 @@ GRADUAL = replace(
     kind="voltage_saturation",
     parameters=(
         *EFFECT.parameters,
-        EffectParameter("sharpness", "ratio", "of the transition; a hard limit beyond 30", 1.0, 60.0, True),
+        EffectParameter("sharpness", "ratio", "of the transition; a hard limit beyond 30", 1.0, 60.0, "lower"),
     ),
     equation=r"v_a = v / (1 + |v / v_{max}|^n)^{1/n}",
     includes=("voltage_saturation",),

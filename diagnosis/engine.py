@@ -93,7 +93,9 @@ LIMITED = 0.25
 END = 2.0
 """Budgets of simulations after which a search seeks no further effects."""
 LENGTH = 60_000
-"""Samples of all logs up to which the budget counts simulations, whatever their length."""
+"""Samples of all logs with which one simulation counts as one of the budget."""
+SHORTEST = 0.5
+"""What one of short logs counts."""
 DRIVEN_BY = {"position": "place", "motor torque": "motor", "command": "motor"}
 """By the signals that effects follow, groups whose laws are too unlike for one to stand in for another."""
 UNDERSTATED = 4.0
@@ -129,7 +131,7 @@ class Settings:
     effect needs half of that, or all beside one in which small causes grow. inexact: share of what was explained above
     which no such excuse holds, unless the torque stays below `seen`: rounding is not quite noise.
     budget: simulations of all logs, of each joint by itself, after which no other ways are tried; after twice as many
-    no further effects are sought. Of logs with more than `LENGTH` samples fewer, in proportion.
+    no further effects are sought. It is that of logs with `LENGTH` samples; of others more or fewer, in proportion.
     """
 
     threshold: float = 12.0
@@ -611,10 +613,10 @@ class Search:
 
     @property
     def taken(self) -> float:
-        """Simulations so far over the budget; two joints that move together take twice as long for one, and logs of
-        more than `LENGTH` samples longer."""
-        length = min(len(self.problem.time), LENGTH)
-        return self.problem.joints * self.problem.work.samples / length / max(self.settings.budget, 1)
+        """Simulations so far over the budget; two joints that move together take twice as long for one, and long logs
+        longer."""
+        simulations = self.problem.joints * self.problem.work.samples / len(self.problem.time)
+        return simulations / max(self.settings.budget, 1) * max(len(self.problem.time) / LENGTH, SHORTEST)
 
     @property
     def is_spent(self) -> bool:

@@ -560,10 +560,17 @@ def _with_reference(problem: Problem, base: Fitted) -> Fitted:
 
 
 def hypotheses_of(effects: Sequence[Effect], joints: int, present: set[tuple[str, int]]) -> list[tuple[Effect, int]]:
-    """Effects not yet in the model, per joint; a further instance of one only after the instance before it."""
+    """Effects not yet in the model, per joint; one that has to follow another only after that or a form of its own law
+    that it contains."""
+    forms = {effect.name: effect.label for effect in effects}
+
+    def has_its_turn(effect: Effect, j: int) -> bool:
+        own = (name for name in effect.includes if forms.get(name) == effect.label)
+        return not effect.after or any((name, j) in present for name in (effect.after, *own))
+
     return [
         (effect, j)
         for j in range(joints)
         for effect in effects
-        if (effect.name, j) not in present and (not effect.after or (effect.after, j) in present)
+        if (effect.name, j) not in present and has_its_turn(effect, j)
     ]

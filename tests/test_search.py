@@ -57,6 +57,7 @@ from diagnosis.search import (
     containing,
     exchanged,
     generalised,
+    hypotheses_of,
     is_idle,
     off_limits,
     price,
@@ -865,6 +866,15 @@ def test_what_a_later_effect_contains_is_dropped_in_the_end() -> None:
     assert [item.name for item in right[0]] == ["coulomb_friction"]
 
 
+def test_a_form_follows_what_it_extends_or_a_form_of_its_own_law() -> None:
+    turn = lambda *present: {effect.name for effect, _ in hypotheses_of(EFFECTS, 1, {(p, 0) for p in present})}  # noqa: E731
+    assert not {"rounded_stribeck_friction", "cogging_torque_2"} & turn()
+    assert "rounded_stribeck_friction" in turn("rounded_coulomb_friction")
+    assert "rounded_stribeck_friction" in turn("stribeck_friction")
+    assert "rounded_stribeck_friction" not in turn("coulomb_friction")
+    assert "cogging_torque_2" in turn("cogging_torque")
+
+
 def test_two_forms_of_one_law_never_stand_side_by_side() -> None:
     first = [effect for effect in EFFECTS if not effect.after]
     for there in first:
@@ -1308,16 +1318,17 @@ def test_two_joints_that_move_together_have_half_the_simulations() -> None:
     problem = problem_of({})
     search = Search.begin(problem, (JointStructure(),), [], Settings(budget=100), lambda text: None)
     wide = replace(problem, command=np.tile(problem.command, 2), work=Work(60 * len(problem.time)))
-    assert replace(search, problem=wide).taken == pytest.approx(1.2)
-    assert replace(search, problem=replace(problem, work=wide.work)).taken == pytest.approx(0.6)
+    assert replace(search, problem=wide).taken == pytest.approx(0.6)
+    assert replace(search, problem=replace(problem, work=wide.work)).taken == pytest.approx(0.3)
 
 
 def test_long_logs_have_fewer_simulations(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = problem_of({})
     search = Search.begin(problem, (JointStructure(),), [], Settings(budget=100), lambda text: None)
-    monkeypatch.setattr("diagnosis.engine.LENGTH", len(problem.time) // 2)
-    half = replace(search, problem=replace(problem, work=Work(60 * len(problem.time))))
-    assert half.taken == pytest.approx(1.2)
+    spent = replace(search, problem=replace(problem, work=Work(60 * len(problem.time))))
+    for times, taken in ((0.5, 1.2), (1.0, 0.6), (4.0, 0.3)):
+        monkeypatch.setattr("diagnosis.engine.LENGTH", times * len(problem.time))
+        assert spent.taken == pytest.approx(taken)
 
 
 def test_the_motion_of_a_model_is_simulated_once() -> None:

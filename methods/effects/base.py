@@ -126,7 +126,7 @@ class Effect:
     turns: whether its law is the same again a turn of 2 pi further.
     remembers: whether it has a state that outlasts the motion of a few seconds, which a log does not show.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
-        `kind` is the name they share, `after` the instance that has to be there first.
+        `kind` is the name they share, `after` the instance that has to be there first; so may a form of a law.
     expected_failures: conformance checks (`diagnosis.effect_checks`) that it fails by its nature, each with the reason.
     """
 

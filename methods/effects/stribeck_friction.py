@@ -60,8 +60,8 @@ ROUNDED = replace(
     includes=("stribeck_friction", "coulomb_friction", "rounded_coulomb_friction"),
     after="rounded_coulomb_friction",
     starts=lambda s: [
-        (0.02 * s.torque_rms, 0.01 * s.torque_rms, share * s.velocity_rms, 1.5, 0.15 * share * s.velocity_rms)
-        for share in (0.1, 0.25, 0.6)
+        (0.02 * s.torque_rms, 0.01 * s.torque_rms, share * s.velocity_rms, 1.5, rounding * share * s.velocity_rms)
+        for share, rounding in ((0.1, 0.02), (0.1, 0.05), (0.1, 0.15), (0.25, 0.15), (0.6, 0.15))
     ],
     function=rounded,
     resolved=lambda p, s: turns_slowly(p[4], s) and p[4] < p[2],

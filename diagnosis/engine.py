@@ -1354,7 +1354,8 @@ def unexplained(problem: Problem, explained: float, left: Sequence[Remainder], s
     if excess > max(settings.unexplained * explained, 20.0) and relevant:
         return True
     for r, limit in zip(left, problem.command_limits or (0.0,) * len(left), strict=True):
-        if r.disturbance_share > settings.disturbance and r.disturbance > settings.amplifier * limit:
+        torques = ((r.disturbance_share, r.disturbance), (r.beyond_share, r.beyond))
+        if any(share > settings.disturbance and size > settings.amplifier * limit for share, size in torques):
             return True
     drifts = [drift for r in left for drift in r.drifts if drift.is_certain]
     return any(drift.decrease > settings.minor * explained or drift.share > settings.relevant for drift in drifts)

@@ -29,6 +29,11 @@ SLOW = 3
 """Half waves over a log, and over the sequence of logs, of a parameter that drifts."""
 CHANCE = 1e-5
 """p-value from which a parameter counts as constant."""
+WIDER = 10.0
+"""Times the band of the motion in which a torque is looked for that blows may be: a play that is taken for a spring
+leaves little below."""
+ROUNDED = 2.0
+"""Mean square of the innovations, in squares of an encoder step, up to which they may be its rounding."""
 DRAWS = 10
 """Realisations of the noise that such a joint is simulated with."""
 SMALL = 0.0015
@@ -69,9 +74,10 @@ class Remainder:
     that they stand for as a share of the command's rms.
 
     disturbance: rms of the torque that no logged signal accounts for, in units of the command; disturbance_share: the
-    same over the rms of the motor torque. drifts: parameters in the order of their p-values. scattered: the decrease
-    that the groups bring where such a torque is all that the model lacks, if it is one in which small causes grow;
-    deviations: rms of what it then makes of the free parameters, by their names.
+    same over the rms of the motor torque. beyond, beyond_share: the same up to WIDER times the band of the motion,
+    where readings tell (`shows_blows`), 0 elsewhere. drifts: parameters in the order of their p-values. scattered:
+    the decrease that the groups bring where such a torque is all that the model lacks, if it is one in which small
+    causes grow; deviations: rms of what it then makes of the free parameters, by their names.
     """
 
     dependences: tuple[Dependence, ...]
@@ -80,6 +86,8 @@ class Remainder:
     share: float
     disturbance: float
     disturbance_share: float
+    beyond: float = 0.0
+    beyond_share: float = 0.0
     drifts: tuple[Drift, ...] = ()
     scattered: float = 0.0
     deviations: Mapping[str, float] = field(default_factory=dict)
@@ -184,10 +192,18 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         sum(len(r) for r in responses.values()),
         _share(problem, fitted, joint, groups, every, residual, size),
         *disturbance(problem, fitted, joint, motion),
+        *(disturbance(problem, fitted, joint, motion, WIDER) if shows_blows(problem, fitted, joint) else (0.0, 0.0)),
         drifts(problem, fitted, joint, scatter),
         scattered(fitted, every, scatter),
         deviations(fitted, scatter),
     )
+
+
+def shows_blows(problem: Problem, fitted: Fitted, joint: int) -> bool:
+    """Whether the innovations tell of torques far above the band of the motion: they are no rounding of the encoder,
+    and the model has no blows of its own."""
+    is_rounding = fitted.variances[joint] < ROUNDED * problem.encoder_step**2
+    return not is_rounding and not scatters(problem, fitted.point, joint)
 
 
 def scattering(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> Array:
@@ -292,12 +308,15 @@ def drifts(problem: Problem, fitted: Fitted, joint: int, scatter: Array) -> tupl
     return tuple(sorted(found, key=lambda d: d.p_value))
 
 
-def disturbance(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> tuple[float, float]:
-    """Rms of the unlogged torque that drives the joint in its band of motion, and its share of the motor torque's.
+def disturbance(problem: Problem, fitted: Fitted, joint: int, motion: Array, times: float = 1.0) -> tuple[float, float]:
+    """Rms of the unlogged torque that drives the joint in so many times its band of motion, and its share of the motor
+    torque's.
 
     motion: predicted angle, velocity and motor torque (T, 3).
     """
-    _, power, band = torque_spectrum(problem, fitted, joint, motion)
+    frequency, power, band = torque_spectrum(problem, fitted, joint, motion)
+    if times != 1.0 and np.any(band):
+        band = frequency <= times * frequency[band][-1]
     size = float(np.sqrt(np.sum(power[band]) / (len(power) - 1)))
     return size, size / max(float(np.sqrt(np.mean(motion[problem.used, 2] ** 2))), 1e-300)
 

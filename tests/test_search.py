@@ -416,6 +416,20 @@ def test_continuous_readings_of_all_logs_have_the_same_noise() -> None:
     assert stack(KERNEL, [fast], (1,)).dither == pytest.approx(5.0 * fitted.dither)
 
 
+def test_blows_that_are_taken_for_a_spring_stand_out_above_the_band_of_the_motion() -> None:
+    """Rounding does not, whatever its spectrum; nor are the blows of a model's own play."""
+    log = record({})
+    problem = stack(KERNEL, [log], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    assert remainder(problem, nominal, 0).beyond == 0.0
+    generator = np.random.default_rng(0)
+    blows = 6.0 * (generator.random(len(log)) < 0.05) * generator.standard_normal(len(log))
+    struck = stack(KERNEL, [record({}, blows)], (1,))
+    left = remainder(struck, fit_nominal(struck, (JointStructure(),)), 0)
+    assert left.beyond_share > Settings().disturbance
+    assert left.beyond_share > 2.0 * left.disturbance_share
+
+
 def test_a_long_lag_is_none_of_a_winding_that_nobody_stated() -> None:
     problem = problem_of({"amplifier_lag": {"time_constant": 0.05}})
     assert fit_nominal(problem, (JointStructure(),)).point.value("electrical_time_constant@0") <= 0.02

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,6 +28,8 @@ ALIKE = 1.1
 """Squares that another share may leave, over those of the best one, to be fitted as well."""
 WORTH = 0.3
 """Least share of the best first fit's decrease for that."""
+LOBES = (-0.25, -0.1, 0.1, 0.25)
+"""Moves of a disturbance's frequency, in widths of a spectral line of the longest log."""
 MOVES = 6
 """Moves of an event's instant, each by up to 256 samples."""
 
@@ -185,3 +188,17 @@ def retimed(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
             break
         fitted = fit(problem, points[best], fitted.whitener, rounds=1, iterations=4)
     return fitted
+
+
+def retuned(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
+    """The fit with the frequency of a disturbance begun again a little beside where it ended: its phase in every log
+    makes up for most of a wrong one, and the way to the right one is long and narrow. What else there is stays."""
+    effect, j = hypothesis.effect, hypothesis.joint
+    name = f"{effect.name}.frequency@{j}"
+    if effect.scan != "time" or name not in fitted.point.values:
+        return fitted
+    longest = max(float(problem.time[b - 1] - problem.time[a]) for a, b in pairwise(problem.bounds))
+    frequency = fitted.point.value(name)
+    points = [fitted.point.taking({name: frequency + share / longest}) for share in LOBES]
+    fits = each(lambda point: fit(problem, point, rounds=2, iterations=6), points)
+    return min(fitted, *fits, key=lambda option: option.criterion)

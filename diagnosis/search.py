@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
-from diagnosis.first_fits import first_fits, further, on_all_samples, retimed, seen_in_part
+from diagnosis.first_fits import first_fits, further, on_all_samples, retimed, retuned, seen_in_part
 from diagnosis.glance import Glance, can_be_glanced_at, glance
 from diagnosis.hypotheses import AT_ONCE, MEMORY, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
@@ -544,7 +544,7 @@ def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12)
     fitted = fit(problem, fitted.point, rounds=2, iterations=iterations)
     if any(scatters(problem, fitted.point, j) for j in range(problem.joints)):
         fitted = min(fitted, free_of_filter(problem, fitted.point), key=lambda option: option.criterion)
-    fitted = off_limits(problem, fitted, hypothesis)
+    fitted = retuned(problem, off_limits(problem, fitted, hypothesis), hypothesis)
     if fitted.criterion > scored.fitted.criterion:
         return scored
     return scored.refitted(base, fitted)

@@ -42,7 +42,7 @@ from diagnosis.engine import (
     unified,
 )
 from diagnosis.estimation import errors, finish, fit, plain, predicted_motion, sensitivities
-from diagnosis.first_fits import nearest, retimed
+from diagnosis.first_fits import nearest, retimed, retuned
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import jitter
 from diagnosis.ledger import faster, floor_of
@@ -187,6 +187,18 @@ def test_the_instant_of_an_event_is_sought_from_afar() -> None:
     assert moved.point.value("payload_change.time@0") == pytest.approx(5.1, abs=2e-3)
     friction = Hypothesis(NAMED["coulomb_friction"], 0)
     assert retimed(problem, near, friction) is near
+
+
+def test_the_frequency_of_a_disturbance_is_begun_again_beside_where_it_ended() -> None:
+    problem = problem_of({"periodic_disturbance": {"sine": 0.03, "cosine": 0.04, "frequency": 7.3}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    disturbance = Hypothesis(NAMED["periodic_disturbance"], 0)
+    values = np.array([[0.03, 0.04, 7.31]])
+    short = fit(problem, extend(problem, nominal.point, disturbance, values), rounds=1, iterations=0)
+    moved = retuned(problem, short, disturbance)
+    assert moved.criterion < short.criterion
+    assert moved.point.value("periodic_disturbance.frequency@0") == pytest.approx(7.3, abs=2e-4)
+    assert retuned(problem, short, Hypothesis(NAMED["coulomb_friction"], 0)) is short
 
 
 def test_stamps_jitter_only_where_one_error_does_not_know_the_next() -> None:

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from diagnosis.arm_damping import arm_damping_settled, undivided
@@ -1099,23 +1100,56 @@ def in_other_terms(
 ) -> Accepted:
     """The effect, where it is a general form of its law, with such forms of other laws that do as well for rivals.
 
-    Of other laws only the textbook's forms have competed with it. Where nothing lies between command and torque, a
-    gradual saturation of the amplifier is one of the torque constant.
+    Of other laws only the textbook's forms have competed with it: those that came near, and those that follow the
+    command or the motor torque as it does. Where nothing lies between these, a gradual saturation of the amplifier is
+    one of the torque constant, whose textbook's form may explain nothing of it.
     """
     if not item.effect.neutral:
         return item
     least, known = FORK * item.scored.evidence, {item.label, *(rival.label for rival in item.rivals)}
-    near = {r.name for r in item.considered if r.joint == item.joint and r.decrease - r.price > least} - known
-    others = [(effect, item.joint) for effect in effects if effect.label in near and effect.neutral]
+    near = {r.name for r in item.considered if r.joint == item.joint and r.decrease - r.price > least}
+    group = DRIVEN_BY.get(item.effect.variable)
+    near |= {effect.label for effect in effects if group == "motor" and DRIVEN_BY.get(effect.variable) == group}
+    others = [(effect, item.joint) for effect in effects if effect.label in near - known and effect.neutral]
     if not others:
         return item
-    limit = base.criterion + item.scored.price + settings.rival
+    limit, smaller = base.criterion + item.scored.price + settings.rival, without(problem, base, item)
+    found = [imitating(problem, base, smaller, item, effect) for effect, _ in others]
     rivals = [
         rival
-        for rival in try_all(problem, without(problem, base, item), others)
+        for rival in either(try_all(problem, smaller, others), [rival for rival in found if rival is not None])
         if rival.fitted.criterion + rival.price < limit and is_of_its_shape(problem, rival)
     ]
     return replace(item, rivals=(*item.rivals, *rivals))
+
+
+def imitating(problem: Problem, base: Fitted, smaller: Fitted, item: Accepted, other: Effect) -> Scored | None:
+    """Another law in the place of one of the command or the motor torque, begun where it does the same to the commands
+    of the logs; None where either is no function of these alone."""
+    j, effect = item.joint, item.effect
+    largest = float(np.max(np.abs(problem.command[:, j])))
+    own, theirs = (static_law(law, np.linspace(-largest, largest, 41)) for law in (effect, other))
+    if own is None or theirs is None or other.starts is None:
+        return None
+    wanted = own(base.point.parameters[0, j, problem.kernel.own(effect)])
+    bounds = [p.lower for p in other.parameters], [p.upper for p in other.parameters]
+    starts = [np.clip(values, *bounds) for values in other.starts(sizes_of(problem, smaller)[j])]
+    fits = [least_squares(lambda p: theirs(p) - wanted, x, bounds=bounds, x_scale=np.abs(x) + 1e-12) for x in starts]
+    values = np.tile(min(fits, key=lambda fitted: fitted.cost).x, (problem.logs, 1))
+    start = Start(Hypothesis(other, j), values, 0.0, len(starts))
+    point = extend(problem, withdraw(problem, base.point, effect.name, j), start.hypothesis, values)
+    return score(problem, smaller, start, fit(problem, point, rounds=2, iterations=10))
+
+
+def static_law(effect: Effect, command: Array) -> Callable[[Array], Array] | None:
+    """What an effect makes of commands (T,), by its parameters, while the joint rests and the torque is the command;
+    None if it is no law of these."""
+    law = effect.function
+    if law is None or effect.slot not in ("command", "gain"):
+        return None
+    if effect.slot == "command":
+        return lambda p: np.array([law(u, 0.0, 0.0, 0.0, u, p) for u in command])
+    return lambda p: np.array([u * law(0.0, 0.0, 0.0, u, p) for u in command])
 
 
 def simplified_afterwards(

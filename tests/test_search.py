@@ -37,6 +37,7 @@ from diagnosis.engine import (
     nearly_as_good,
     settled_anew,
     simpler_rivals,
+    static_law,
     stays_itself,
     textbook,
     unified,
@@ -380,20 +381,27 @@ def test_a_rival_that_only_stopped_short_of_the_same_is_none() -> None:
     assert simpler_rivals(both, [incomplete]).rivals == (lag, spring)
 
 
-def test_general_forms_of_other_laws_are_rivals_of_a_general_form() -> None:
+@pytest.mark.parametrize("voltage", [1.0, 3.0])
+def test_general_forms_of_other_laws_are_rivals_of_a_general_form(voltage: float) -> None:
     """A gradual saturation of the torque constant is one of the amplifier where nothing lies between them."""
-    clipped = {"gradual_voltage_saturation": {"voltage": 3.0, "sharpness": 2.0}}
+    clipped = {"gradual_voltage_saturation": {"voltage": voltage, "sharpness": 2.0}}
     log = record(clipped, nominal={"inertia": 0.07, "viscous": 0.7}, input="torque")
     problem = stack(KERNEL, [log], (1,))
     nominal = fit_nominal(problem, (JointStructure(input="torque", electrical=False),))
-    item = accepted(problem, nominal, "gradual_voltage_saturation", [3.0, 2.0])
-    other = Ranked("torque_constant_saturation", 0, 0.8 * item.scored.decrease, item.scored.price)
-    found = in_other_terms(problem, item.scored.fitted, replace(item, considered=(other,)), EFFECTS, Settings())
+    item = accepted(problem, nominal, "gradual_voltage_saturation", [voltage, 2.0])
+    found = in_other_terms(problem, item.scored.fitted, item, EFFECTS, Settings())
     assert [rival.name for rival in found.rivals] == ["torque_constant_saturation_power"]
-    far = replace(other, decrease=0.3 * item.scored.decrease)
-    assert (
-        in_other_terms(problem, item.scored.fitted, replace(item, considered=(far,)), EFFECTS, Settings()).rivals == ()
+
+
+def test_a_law_of_the_motor_torque_imitates_one_of_the_command() -> None:
+    command = np.linspace(-2.0, 2.0, 9)
+    saturated, power = (
+        static_law(NAMED[n], command) for n in ("gradual_voltage_saturation", "torque_constant_saturation_power")
     )
+    assert saturated is not None
+    assert power is not None
+    assert power(np.array([0.5, 0.5])) == pytest.approx(saturated(np.array([1.0, 2.0])))
+    assert static_law(NAMED["coulomb_friction"], command) is None
 
 
 @pytest.mark.parametrize(("taper", "is_one"), [(0.7, False), (2.6, True), (30.0, True)])

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -197,8 +196,7 @@ def retuned(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
     name = f"{effect.name}.frequency@{j}"
     if effect.scan != "time" or name not in fitted.point.values:
         return fitted
-    longest = max(float(problem.time[b - 1] - problem.time[a]) for a, b in pairwise(problem.bounds))
     frequency = fitted.point.value(name)
-    points = [fitted.point.taking({name: frequency + share / longest}) for share in LOBES]
+    points = [fitted.point.taking({name: frequency + share / problem.longest}) for share in LOBES]
     fits = each(lambda point: fit(problem, point, rounds=2, iterations=6), points)
     return min(fitted, *fits, key=lambda option: option.criterion)

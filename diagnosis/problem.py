@@ -132,6 +132,11 @@ class Problem:
         return float(np.median(np.diff(self.time[: self.bounds[1]])))
 
     @cached_property
+    def longest(self) -> float:
+        """Length [s] of the longest log."""
+        return max(float(self.time[b - 1] - self.time[a]) for a, b in pairwise(self.bounds))
+
+    @cached_property
     def instants(self) -> Array:
         """Time since the beginning of its log (T,), of logs that are evenly sampled the same numbers bit by bit: these
         can be simulated together."""
@@ -452,14 +457,7 @@ def scales(problem: Problem, nominal: Array, torque: Array, joint: int) -> Scale
         velocity_peak=max(float(np.max(np.abs(velocity))), 1e-12),
         inertia=float(nominal[NOMINAL.index("inertia")]),
         damping=float(sum(nominal[NOMINAL.index(name)] for name in DAMPING)),
-        duration=float(
-            np.max(
-                [
-                    problem.time[b - 1] - problem.time[a]
-                    for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True)
-                ]
-            )
-        ),
+        duration=problem.longest,
         sample_time=problem.sample_time,
         encoder_step=problem.encoder_step,
         revolute=problem.revolute,

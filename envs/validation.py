@@ -209,8 +209,7 @@ def check_position_unit(log: Log, names: Names) -> None:
         position = np.delete(position, spikes(position))
         span = float(np.ptp(position))
         whole = np.array_equal(position, np.round(position))
-        told = whole or unit == "m" or counts_per_turn(position) == 360.0
-        if told and is_wide(position, unit):
+        if is_wide(position, unit) and (whole or unit == "m" or counts_per_turn(position) == 360.0):
             if unit == "rad":
                 guess, spoken = ("turn / COUNTS", "encoder counts") if whole else ("deg", "degrees")
             else:

@@ -50,7 +50,7 @@ from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.problem import Problem, Work, evenly, stack
 from diagnosis.regression import View, effective_samples
-from diagnosis.remainder import Remainder, remainder
+from diagnosis.remainder import Remainder, remainder, shows_blows
 from diagnosis.replay import imitated_floor, noise_floor, transfer
 from diagnosis.search import (
     Ranked,
@@ -448,6 +448,10 @@ def test_blows_that_are_taken_for_a_spring_stand_out_above_the_band_of_the_motio
     left = remainder(struck, fit_nominal(struck, (JointStructure(),)), 0)
     assert left.beyond_share > Settings().disturbance
     assert left.beyond_share > 2.0 * left.disturbance_share
+    fitted = fit_nominal(struck, (JointStructure(),))
+    play = extend(struck, fitted.point, Hypothesis(NAMED["backlash"], 0), np.array([[0.01, 0.5, 10.0, 0.1]]))
+    assert shows_blows(struck, fitted, 0)
+    assert not shows_blows(struck, replace(fitted, point=play), 0)
 
 
 def test_a_long_lag_is_none_of_a_winding_that_nobody_stated() -> None:

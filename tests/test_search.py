@@ -41,11 +41,12 @@ from diagnosis.engine import (
     stays_itself,
     textbook,
     unified,
+    with_jitter,
 )
 from diagnosis.estimation import errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.first_fits import nearest, retimed, retuned
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
-from diagnosis.jitter import jitter
+from diagnosis.jitter import Jitter, jitter
 from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.problem import Problem, Work, evenly, stack
@@ -1070,6 +1071,17 @@ def test_jitter_is_told_from_noise_with_long_tails() -> None:
     tailed = stack(KERNEL, [replace(record({}), position=record({}).position + tails[:, None])], (1,))
     none = jitter(tailed, fit_nominal(tailed, (JointStructure(),)), 0)
     assert none is None or none.decrease < 12.0
+
+
+def test_no_jitter_is_read_off_where_small_causes_grow(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of({})
+    fitted = fit_nominal(problem, (JointStructure(),))
+    play = extend(problem, fitted.point, Hypothesis(NAMED["backlash"], 0), np.array([[0.01, 0.5, 10.0, 0.1]]))
+    monkeypatch.setattr("diagnosis.engine.jitter", lambda *given: Jitter(0.1 * DT, 0.01 * DT, 1e4))
+    for point, named in ((fitted.point, ["timestamp_jitter"]), (play, [])):
+        finding = Finding("none", fitted, (), replace(fitted, point=point), (), ())
+        found = with_jitter(problem, finding, EFFECTS, Settings())
+        assert [item.label for item in found.accepted] == named
 
 
 def test_jitter_makes_more_noise_where_the_joint_moves_faster() -> None:

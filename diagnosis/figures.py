@@ -399,15 +399,16 @@ def colour_of(series: Series, index: int) -> str:
 def command_over_time(series: Sequence[Series], unit: str, name: str) -> str:
     """The commands of the logs below each other."""
     shown = series[:6]
+    factor, scaled = scale_for(limits(*(s.command for s in shown), share=0.0), unit)
     figure, stacked = stack(NARROW, [1.88 / len(shown) - 0.1 * (len(shown) > 1)] * len(shown))
     for axes, s, index in zip(stacked, shown, range(len(shown)), strict=True):
         step = max(1, len(s.time) // 900)
-        axes.plot(s.time[::step] - s.time[0], s.command[::step], color=colour_of(s, index), lw=0.7)
-        axes.set_ylim(*limits(s.command, share=0.0))
+        axes.plot(s.time[::step] - s.time[0], factor * s.command[::step], color=colour_of(s, index), lw=0.7)
+        axes.set_ylim(*limits(factor * s.command, share=0.0))
         axes.margins(x=0)
         axes.locator_params(axis="y", nbins=3)
     stacked[-1].set_xlabel("Time (s)")
-    stacked[len(stacked) // 2].set_ylabel(axis_label("command", unit))
+    stacked[len(stacked) // 2].set_ylabel(axis_label("command", scaled))
     return svg(figure, name, "Commands of the logs over time")
 
 

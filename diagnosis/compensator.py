@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagnosis.engine import Finding
+from diagnosis.finding import Finding
 from diagnosis.ledger import WINDOW, resampled
 from diagnosis.problem import Problem, stack
 from diagnosis.replay import in_blocks, input_equivalent, replay, rms, transfer, window_width

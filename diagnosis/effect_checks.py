@@ -16,12 +16,14 @@ from typing import get_args
 
 import numpy as np
 
-from diagnosis.engine import Finding, Settings, find
+from diagnosis.engine import find
 from diagnosis.estimation import Point, errors
+from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.isolability import shapes
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, stack
+from diagnosis.settings import Settings
 from envs.log import Array, JointFacts, Log
 from methods.base import State
 from methods.conformance.check import Check, CheckFailed, NotApplicable

@@ -16,12 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.engine import Finding, Settings
 from diagnosis.estimation import Fitted, Point, errors, finish
+from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.problem import Problem
 from diagnosis.replay import stretch
 from diagnosis.result import Confusable, Isolability
+from diagnosis.settings import Settings
 from diagnosis.whitening import on_logs
 from envs.log import Array
 from methods.effects.base import Effect, Scales

@@ -15,9 +15,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from diagnosis.beginning import started
-from diagnosis.engine import JITTER, Finding, deviance, without
+from diagnosis.engine import JITTER
 from diagnosis.estimation import Fitted, Point, predicted_motion
+from diagnosis.finding import Finding
 from diagnosis.problem import DIVERGED, Problem
+from diagnosis.pruning import deviance, without
 from diagnosis.replay import (
     Replay,
     imitated_floor,

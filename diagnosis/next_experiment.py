@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.engine import Finding
 from diagnosis.estimation import Fitted, errors, sensitivities
+from diagnosis.finding import Finding
 from diagnosis.isolability import outside
 from diagnosis.problem import Problem
 from diagnosis.quantities import title

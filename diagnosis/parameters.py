@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.engine import Accepted
 from diagnosis.estimation import Fitted, Point, predicted_motion
+from diagnosis.finding import Accepted
 from diagnosis.problem import Problem
 from diagnosis.result import Estimate, NominalParameter, ParameterEstimate
 from envs.log import COMMAND_UNIT, Array, InputKind

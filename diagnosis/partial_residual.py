@@ -17,8 +17,8 @@ from typing import Literal
 import numpy as np
 from scipy.signal import detrend
 
-from diagnosis.engine import Accepted, Finding
 from diagnosis.estimation import Fitted, Point, errors
+from diagnosis.finding import Accepted, Finding
 from diagnosis.nominal import COLUMN
 from diagnosis.parameters import JointUnits
 from diagnosis.problem import Problem, smooth_derivatives

@@ -20,7 +20,7 @@ from envs.log import Array
 from methods.effects.base import Effect
 
 if TYPE_CHECKING:
-    from diagnosis.engine import Accepted
+    from diagnosis.finding import Accepted
 
 DRY = "coulomb_friction"
 """What every law of dry friction contains."""

@@ -10,7 +10,7 @@ imitates another one, or a machine that changes, shows there first.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -38,6 +38,10 @@ DRAWS = 10
 """Realisations of the noise that such a joint is simulated with."""
 SMALL = 0.0015
 """Effect of a drift beside that of the command, up to which it is put down to integrators and inexact laws."""
+
+
+LUCKY = 0.5
+"""Share of what noise lets all functions of the remainder explain that it may let one effect explain."""
 
 
 @dataclass(frozen=True)
@@ -197,6 +201,16 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         scattered(fitted, every, scatter),
         deviations(fitted, scatter),
     )
+
+
+def remainders(problem: Problem, fitted: Fitted) -> tuple[Remainder, ...]:
+    """What is left of every joint."""
+    return tuple(remainder(problem, fitted, j) for j in range(problem.joints))
+
+
+def lucky(left: Sequence[Remainder]) -> float:
+    """What noise alone would let one effect explain, where small causes grow."""
+    return LUCKY * sum(r.scattered for r in left)
 
 
 def shows_blows(problem: Problem, fitted: Fitted, joint: int) -> bool:

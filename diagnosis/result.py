@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from diagnosis.engine import Verdict
+from diagnosis.finding import Verdict
 from diagnosis.patchwork import Patchwork
 from diagnosis.remainder import Drift
 from envs.log import Array, InputKind

@@ -17,10 +17,12 @@ import numpy as np
 from scipy.signal import welch
 
 from diagnosis.arm_torques import arm_torques
+from diagnosis.choice import LAG
 from diagnosis.compensator import compensators
-from diagnosis.engine import LAG, WORST, Accepted, Finding, Settings, Verdict, find
+from diagnosis.engine import find
 from diagnosis.estimation import Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
+from diagnosis.finding import WORST, Accepted, Finding, Verdict
 from diagnosis.hopping import likely
 from diagnosis.isolability import isolability
 from diagnosis.lags import instead_of_winding
@@ -60,6 +62,7 @@ from diagnosis.result import (
 )
 from diagnosis.rivals import rival_rows
 from diagnosis.search import Ranked, Scored
+from diagnosis.settings import Settings
 from diagnosis.text import joint_sentence, table
 from envs.log import Array, Log
 from envs.log_files import write_atomically

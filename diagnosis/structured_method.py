@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from diagnosis.engine import WORST
 from diagnosis.estimation import Fitted
 from diagnosis.extension import Extension, extended_model
+from diagnosis.finding import WORST
 from diagnosis.nominal import JointStructure
 from diagnosis.parameters import joint_units
 from diagnosis.preparation import groups, joint_structures

@@ -9,11 +9,12 @@ import pytest
 from scipy.linalg import expm
 
 from diagnosis.arm_damping import ARM_VISCOUS, arm_damping_settled, undivided
-from diagnosis.engine import find, without
+from diagnosis.engine import find
 from diagnosis.estimation import Fitted, fit
 from diagnosis.hypotheses import Hypothesis, extend, withdraw
 from diagnosis.nominal import JointStructure, point_at
 from diagnosis.problem import Problem, stack
+from diagnosis.pruning import without
 from envs.log import JointFacts, Log
 from methods.effects import built_in
 from methods.kernel import NOMINAL, build

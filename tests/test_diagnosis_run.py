@@ -16,7 +16,6 @@ from scipy.signal import lfilter
 
 import adeptone
 from diagnosis.beginning import started, with_phases
-from diagnosis.engine import Settings
 from diagnosis.estimation import covariance, errors, fit
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.ledger import closed, failures, floor_of
@@ -46,6 +45,7 @@ from diagnosis.result import (
     ParameterEstimate,
 )
 from diagnosis.run import Solved, check_turns, diagnose, is_determined, joint_title, scale_said, solve, together_said
+from diagnosis.settings import Settings
 from envs.adeptone import adeptone as adept_robot
 from envs.excitation import parse
 from envs.log import Array, JointFacts, Log

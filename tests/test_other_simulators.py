@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.engine import Finding, find
+from diagnosis.engine import find
 from diagnosis.estimation import fit
+from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.preparation import groups, joint_structures

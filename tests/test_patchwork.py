@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.engine import Accepted
 from diagnosis.estimation import Fitted, fit
+from diagnosis.finding import Accepted
 from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.patchwork import Patchwork, is_polynomial, patchwork, rms_velocity

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diagnosis.engine import Settings, unexplained
 from diagnosis.estimation import Fitted, covariance, fit, predicted_motion
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.nominal import JointStructure, fit_nominal
@@ -15,6 +14,8 @@ from diagnosis.problem import Problem, stack
 from diagnosis.remainder import Remainder, remainder, scattering, torque_spectrum
 from diagnosis.run import growth_said
 from diagnosis.search import met
+from diagnosis.settings import Settings
+from diagnosis.verdict import unexplained
 from diagnosis.whitening import unfiltered
 from envs.log import JointFacts, Log
 from methods.base import State

@@ -8,48 +8,34 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from diagnosis.engine import (
+from diagnosis.choice import (
     UNDERSTATED,
-    Accepted,
-    Finding,
-    Path,
-    Search,
-    Settings,
-    also_from_regression,
-    also_without_limits,
     choose,
     coincides,
-    confirmed,
-    find,
     firm_ground_first,
-    in_other_terms,
-    is_foreseen,
     is_of_its_shape,
     is_possible,
     is_steady,
     is_too_small,
     least_beside,
     materiality,
-    merged,
-    merged_afterwards,
     much_closer,
-    near_equals,
     nearly_as_good,
-    settled_anew,
-    simpler_rivals,
-    static_law,
     stays_itself,
     textbook,
-    unified,
-    with_jitter,
 )
+from diagnosis.competition import confirmed, in_other_terms, simpler_rivals, static_law
+from diagnosis.engine import Path, Search, find, is_foreseen, with_jitter
 from diagnosis.estimation import errors, finish, fit, plain, predicted_motion, sensitivities
+from diagnosis.finding import Accepted, Finding, near_equals
 from diagnosis.first_fits import nearest, retimed, retuned
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
+from diagnosis.other_bases import also_from_regression, also_without_limits, settled_anew
 from diagnosis.problem import Problem, Work, evenly, stack
+from diagnosis.pruning import merged, merged_afterwards, unified
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, shows_blows
 from diagnosis.replay import imitated_floor, noise_floor, transfer
@@ -65,6 +51,7 @@ from diagnosis.search import (
     price,
     try_all,
 )
+from diagnosis.settings import Settings
 from diagnosis.timing import _timed, is_timed, timing_settled
 from diagnosis.turns import TURNS, in_turns
 from diagnosis.whitening import absorption, whitener
@@ -769,7 +756,9 @@ def test_a_hypothesis_is_compared_without_a_limit_that_stood_in_for_it() -> None
 
 def test_only_laws_that_gain_over_what_they_contain_are_settled_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     for part in ("limits_settled", "timing_settled"):
-        monkeypatch.setattr(f"diagnosis.engine.{part}", lambda problem, fitted, *others: SimpleNamespace(criterion=0.0))
+        monkeypatch.setattr(
+            f"diagnosis.other_bases.{part}", lambda problem, fitted, *others: SimpleNamespace(criterion=0.0)
+        )
     problem, base = problem_of({}), SimpleNamespace(criterion=1000.0)
 
     def touched(**evidence: float) -> set[str]:

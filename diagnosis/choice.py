@@ -1,0 +1,251 @@
+"""Which hypothesis is taken next: what an effect must be, and do, to be accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.estimation import Fitted, errors
+from diagnosis.finding import Accepted
+from diagnosis.hypotheses import PER_LOG, Start, command_response
+from diagnosis.problem import Problem
+from diagnosis.search import FORM, Scored, is_resolved, law, ranking
+from diagnosis.settings import Settings
+from diagnosis.timing import SHIFT
+from methods.effects.base import Effect
+
+LAG = "amplifier_lag"
+"""The effect that may trade places with the joint's own lags."""
+FORK = 0.5
+"""Share of the chosen effect's evidence from which another one may have been the better choice."""
+CLOSER = 0.3
+"""Errors as they are, over those that the chosen effect leaves, from which another one may have been the better choice,
+whatever its evidence: the filter may have taken what it explains for slow noise."""
+TAKEN_BACK = 0.5
+"""Share of a lag by which the command may act earlier than it is logged."""
+AT_END = 0.99
+"""Share of the largest possible size from which an effect is at the end of its range."""
+SIMULTANEOUS = 0.2
+"""Time [s] between two events that are taken for one."""
+DRIVEN_BY = {"position": "place", "motor torque": "motor", "command": "motor"}
+"""By the signals that effects follow, groups whose laws are too unlike for one to stand in for another."""
+UNDERSTATED = 4.0
+"""By what factor a fit may exceed what a regression says of an effect."""
+STEADY = 0.5
+"""Amplitude of a disturbance in one log as a share of that in another, below which it is not one and the same."""
+
+
+def materiality(problem: Problem, fitted: Fitted, name: str, joint: int) -> float:
+    """Torque of an effect as a share of the command's rms: its influence on the prediction beside that of the
+    command."""
+    off = fitted.point.switches.copy()
+    off[joint, problem.kernel.switches[name]] = False
+    without = replace(fitted.point, switches=off)
+    one = (errors(problem, [without])[0] - fitted.error)[problem.used, joint]
+    return float(np.sqrt(np.mean(one**2))) / command_response(problem, fitted.point, joint)
+
+
+def coincides(problem: Problem, scored: Scored, accepted: Sequence[Accepted]) -> bool:
+    """Whether an event happens when another one does that has a name already: it would repair the law of that one."""
+    if scored.effect.scan != "event":
+        return False
+    instants = lambda s: s.fitted.point.parameters[  # noqa: E731
+        :, s.start.hypothesis.joint, problem.kernel.column(s.effect, "time")
+    ]
+    return any(
+        np.any(np.abs(instants(scored) - instants(item.scored)) < SIMULTANEOUS)
+        for item in accepted
+        if item.effect.scan == "event"
+    )
+
+
+def nearly_as_good(chosen: Accepted, ranked: Sequence[Scored]) -> list[Accepted]:
+    """Other effects that explain a good part of what the chosen one does: first other forms of its law that do nearly
+    as well, then one form of each other law, best first."""
+    limit = chosen.scored.evidence
+
+    def differs(s: Scored) -> bool:
+        return s.name != chosen.name and chosen.name not in s.effect.includes and s.name not in chosen.effect.includes
+
+    def is_form(s: Scored) -> bool:
+        return (s.label, s.start.hypothesis.joint) == (chosen.label, chosen.joint)
+
+    forms = [s for s in ranked if differs(s) and is_form(s) and s.evidence > FORM * limit]
+    others = [s for s in textbook(ranked) if differs(s) and not is_form(s) and s.evidence > FORK * limit]
+    return [Accepted(scored, 0.0, (), chosen.considered) for scored in (*forms, *others)]
+
+
+def much_closer(problem: Problem, chosen: Accepted, ranked: Sequence[Scored], settings: Settings) -> list[Accepted]:
+    """Other effects with which the errors as they are fall far below those that the chosen one leaves; least first.
+
+    A torque that moves the joint far off what is simulated without it makes a rough ground for all other parameters.
+    """
+
+    def size(scored: Scored) -> float:
+        return float(np.sum(np.log(np.mean(scored.fitted.error[problem.used] ** 2, axis=0) + 1e-300)))
+
+    limit = size(chosen.scored) + 2.0 * np.log(CLOSER)
+    found = [s for s in textbook(ranked) if s.evidence > settings.threshold and size(s) < limit]
+    return [Accepted(scored, 0.0, (), chosen.considered) for scored in sorted(found, key=size)]
+
+
+def firm_ground_first(chosen: Accepted, nearer: list[Accepted]) -> tuple[Accepted, list[Accepted]]:
+    """What is taken next and what instead of it: nothing in which small causes grow before what comes much closer.
+
+    Beside the former the latter, which all logs show plainly, would no longer be found.
+    """
+    if not nearer or not chosen.effect.scatters:
+        return chosen, nearer
+    return nearer[0], [chosen, *nearer[1:]]
+
+
+def choose(
+    problem: Problem,
+    ranked: list[Scored],
+    settings: Settings,
+    explained: float,
+    accepted: Sequence[Accepted] = (),
+    least: float = 0.0,
+) -> Accepted | None:
+    """The best hypothesis that is significant and material; among near equals the one with fewest parameters.
+
+    accepted: effects that are there already, whose inexact laws a small further one may repair. least: decrease of
+    -2 log likelihood that noise alone can bring. A general form of a law that is there is how to repair it.
+    """
+    ranked = [s for s in ranked if is_resolved(problem, s) and is_steady(problem, s) and is_possible(problem, s)]
+    ranked = textbook(ranked)
+    if not ranked:
+        return None
+    top = ranked[0]
+    material = settings.material if accepted else settings.faint
+    margin = max(settings.rival, 0.02 * top.decrease)
+    there = {(item.label, item.joint) for item in accepted}
+    if top.decrease < max(0.0 if law(top.start) in there else settings.minor * explained, least):
+        return None
+    best = max(s.evidence for s in ranked)
+    near = [
+        s
+        for s in ranked
+        if s.evidence > settings.threshold
+        and (s.decrease >= top.decrease - margin or s.evidence >= best - settings.rival)
+    ]
+    for scored in sorted(near, key=lambda s: (s.effect.size, -s.evidence)):
+        hypothesis = scored.start.hypothesis
+        share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
+        least_share = material
+        if scored.decrease <= settings.inexact * explained and law(scored.start) not in there:
+            least_share = least_beside(scored.effect, hypothesis.joint, scored.evidence, accepted, settings)
+        if share >= least_share:
+            rivals = tuple(
+                s
+                for s in ranked
+                if s is not scored
+                and s.evidence > scored.evidence - settings.rival
+                and (s.label, s.start.hypothesis.joint) != (scored.label, hypothesis.joint)
+                and scored.name not in s.effect.includes
+            )
+            return Accepted(scored, share, rivals, ranking(ranked))
+    return None
+
+
+def least_beside(
+    effect: Effect, joint: int, evidence: float, accepted: Sequence[Accepted], settings: Settings
+) -> float:
+    """Least torque, as a share of the command's rms, of a small further effect beside others of the same joint.
+
+    It may only make up for an inexact law of one of them. What follows the position and what follows the motor do not
+    stand in for each other where the evidence is strong.
+    """
+    beside = [item.effect for item in accepted if item.joint == joint]
+    own = DRIVEN_BY.get(effect.variable) if evidence > settings.weak else None
+    others = [DRIVEN_BY.get(other.variable) for other in beside]
+    if not any(own is None or other is None or own == other for other in others):
+        return settings.material if accepted else settings.faint
+    return (1.0 if any(other.scatters for other in beside) else 0.5) * settings.relevant
+
+
+def is_too_small(accepted: Sequence[Accepted], settings: Settings, explained: float, start: Start) -> bool:
+    """Whether a regression says, with a wide margin, that a further effect could not be taken for its size."""
+    most, hypothesis = UNDERSTATED * start.promise, start.hypothesis
+    if not accepted or most > settings.inexact * explained:
+        return False
+    return UNDERSTATED * start.share < least_beside(hypothesis.effect, hypothesis.joint, most, accepted, settings)
+
+
+def textbook(ranked: Sequence[Scored]) -> list[Scored]:
+    """One form of every law, best first: the likeliest, or the one that it includes where that does nearly as well and
+    leaves no other law ahead.
+
+    A form with more freedom than the textbook's repairs what other effects have yet to explain; it can still take the
+    textbook's place when they do (`diagnosis.search.generalised`).
+    """
+    forms: dict[tuple[str, int], list[Scored]] = {}
+    for scored in ranked:
+        forms.setdefault((scored.label, scored.start.hypothesis.joint), []).append(scored)
+    likeliest = {place: max(own, key=lambda s: s.evidence) for place, own in forms.items()}
+    chosen = []
+    for place, own in forms.items():
+        best = likeliest[place]
+        rival = max((s.evidence for other, s in likeliest.items() if other != place), default=-np.inf)
+        least = max(FORM * best.evidence, rival if rival < best.evidence else -np.inf)
+        simple = [s for s in own if s.name in best.effect.includes and s.evidence > least]
+        chosen.append(simple[0] if simple else best)
+    return sorted(chosen, key=lambda s: -s.evidence)
+
+
+def is_steady(problem: Problem, scored: Scored) -> bool:
+    """Whether a disturbance that may begin anywhere in its period is as strong in every log, as one machine's would be.
+
+    Where it could stand in one log only, something else moves there: another axis, another excitation.
+    """
+    effect, joint = scored.effect, scored.start.hypothesis.joint
+    free = PER_LOG.get(effect.name, ())
+    if not free or problem.logs < 2:
+        return True
+    columns = [problem.kernel.own(effect).start + i for i in free]
+    size = np.sqrt(np.sum(scored.fitted.point.parameters[:, joint, columns] ** 2, axis=1))
+    known = np.zeros((problem.logs, len(free)))
+    for i, f in enumerate(scored.fitted.point.free):
+        if f.kind == "log" and f.joint == joint and f.column in columns:
+            known[f.log, columns.index(f.column)] = max(scored.fitted.covariance[i, i], 0.0)
+    deviation = np.sqrt(np.max(known, axis=1))
+    largest = int(np.argmax(size))
+    return bool(np.all(size + 3.0 * deviation > STEADY * (size[largest] - 3.0 * deviation[largest])))
+
+
+def is_possible(problem: Problem, scored: Scored) -> bool:
+    """Whether an effect of either sign stays within the size that it can have: at the end of its range it stands in for
+    another one. A lag that a command which acts earlier than logged takes back is none: together they repair how
+    integrators differ."""
+    effect, joint = scored.effect, scored.start.hypothesis.joint
+    if effect.label == LAG:
+        own, shift = scored.fitted.point.parameters[0, joint, [problem.kernel.own(effect).start, SHIFT]]
+        if -shift > TAKEN_BACK * own:
+            return False
+    values = np.abs(scored.fitted.point.parameters[:, joint, problem.kernel.own(effect)])
+    either = {i: p.upper for i, p in enumerate(effect.parameters) if p.lower == -p.upper and np.isfinite(p.upper)}
+    return all(np.all(values[:, i] < AT_END * end) for i, end in either.items())
+
+
+def stays_itself(problem: Problem, scored: Scored) -> bool:
+    """Whether an effect is in the final model what its name says: within the size that it can have and, of what is
+    periodic in the position, half a period at least. Beside others it may have become a piece of another law."""
+    periodic = scored.effect.scan == "position"
+    return (
+        is_possible(problem, scored)
+        and is_of_its_shape(problem, scored)
+        and (not periodic or is_resolved(problem, scored))
+    )
+
+
+def is_of_its_shape(problem: Problem, scored: Scored) -> bool:
+    """Whether the shape of a general law lies within what such laws have: at some ends of that range it stands in for
+    another one."""
+    values = scored.fitted.point.parameters[0, scored.start.hypothesis.joint, problem.kernel.own(scored.effect)]
+    return not any(
+        (p.stands_in_at in ("lower", "both") and value < p.lower / AT_END)
+        or (p.stands_in_at in ("upper", "both") and value > p.upper * AT_END)
+        for value, p in zip(values, scored.effect.parameters, strict=True)
+    )

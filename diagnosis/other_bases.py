@@ -1,0 +1,124 @@
+"""The hypotheses tried again from what the nominal model may have settled wrongly without them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagnosis.estimation import Fitted, Point
+from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.nominal import HOPELESS, JointStructure, limits_settled, point_at, without_limits
+from diagnosis.problem import Problem
+from diagnosis.search import Scored, best_forms, law, score, try_all, unfitted
+from diagnosis.timing import timing_settled
+from diagnosis.turns import to_errors, to_innovations
+from methods.effects.base import Effect
+from methods.parallel import each
+
+DRY = "coulomb_friction"
+"""The effect that the regression of the starting point knows."""
+DRAG = 0.02
+"""Its torque as a share of the command's rms, from which it is tried as it was regressed."""
+HELD = 0.5
+"""The same for torques of the place."""
+TIMED = 0.75
+"""Share of the best evidence from which the best form of a law is compared with a timing of its own."""
+LIMITED = 0.25
+"""The same for torque limits that act or do not."""
+
+
+def also_without_limits(
+    problem: Problem, base: Fitted, candidates: Sequence[tuple[Effect, int]], ranked: list[Scored]
+) -> list[Scored]:
+    """The hypotheses, each as good as with the stated torque limits that act in the base or without them.
+
+    A limit may act there only because something is missing that it can stand in for. Beside it the right effect may
+    explain nothing at all. Errors that no hypothesis brings down to noise (`diagnosis.search.stuck`) are a sign of it.
+    """
+    free = without_limits(problem, base)
+    if free is None:
+        return ranked
+    return either(ranked, [s.refitted(base, s.fitted) for s in try_all(problem, free, candidates)])
+
+
+def also_from_regression(
+    problem: Problem,
+    structures: tuple[JointStructure, ...],
+    base: Fitted,
+    candidates: Sequence[tuple[Effect, int]],
+    ranked: list[Scored],
+) -> list[Scored]:
+    """The hypotheses, dry friction and torques of the place as good as from the base or from the regression of the
+    command on the motion.
+
+    Where a slow joint takes much of its torque to overcome friction, the base that does without may be far from all
+    that the joint is, and no way leads from there. Where a spring or its weight moves a joint more than its motor does,
+    the best base without them may be a joint of any inertia, which no torque moves.
+    """
+    if not ranked:
+        return ranked
+    command = np.sqrt(np.mean(problem.command**2, axis=0))
+    starts: list[tuple[Point, Start]] = []
+    for effect in dict.fromkeys(effect for effect, _ in candidates):
+        if effect.name == DRY and ranked[0].label != DRY:
+            point, friction, *_ = point_at(problem, structures)
+            values, is_felt = friction[:, None], friction > DRAG * command
+        elif effect.is_linear_in_place:
+            point, _, values, change = point_at(problem, structures, effect)
+            is_felt = change > HELD * command
+        else:
+            continue
+        starts += [
+            (point, Start(Hypothesis(effect, j), np.tile(values[j], (problem.logs, 1)), 0.0))
+            for other, j in candidates
+            if other is effect and is_felt[j]
+        ]
+    limit = ranked[0].fitted.criterion + base.samples * np.log(HOPELESS)
+
+    def carried_on(item: tuple[Point, Start]) -> Scored | None:
+        point, start = item
+        found = to_errors(problem, extend(problem, point, start.hypothesis, start.values))
+        if unfitted(problem, base, found.point, found.error).criterion > limit:
+            return None
+        return score(problem, base, start, to_innovations(problem, found))
+
+    return either(ranked, [scored for scored in each(carried_on, starts) if scored is not None])
+
+
+def either(ranked: Sequence[Scored], others: Sequence[Scored]) -> list[Scored]:
+    """Of every hypothesis the fit that explains more, best first."""
+    best = {(s.name, s.start.hypothesis.joint): s for s in ranked}
+    for scored in others:
+        place = scored.name, scored.start.hypothesis.joint
+        if place not in best or scored.decrease > best[place].decrease:
+            best[place] = scored
+    return sorted(best.values(), key=lambda s: -s.evidence)
+
+
+def settled_anew(
+    problem: Problem, structures: tuple[JointStructure, ...], base: Fitted, ranked: list[Scored]
+) -> list[Scored]:
+    """The hypotheses, those of different laws that compete for the first place with what the base may have settled
+    wrongly without them: whether a stated torque limit acts, and when commands do.
+
+    A law that does no better than one that it contains has nothing to gain from it that this one has not.
+    """
+    leading = best_forms(ranked)
+    best = max((s.evidence for s in ranked), default=0.0)
+    alone = {(s.name, s.start.hypothesis.joint): s.evidence for s in ranked}
+
+    def competes(scored: Scored, share: float) -> bool:
+        ahead = scored is leading[law(scored.start)] and scored.evidence > max(share * best, 0.0)
+        inner = ((name, scored.start.hypothesis.joint) for name in scored.effect.includes)
+        return ahead and not any(alone[own] >= scored.evidence for own in inner if own in alone)
+
+    def anew(scored: Scored) -> Scored:
+        fitted = scored.fitted
+        if competes(scored, LIMITED):
+            fitted = limits_settled(problem, fitted, structures)
+        if competes(scored, TIMED):
+            fitted = timing_settled(problem, fitted)
+        return scored if fitted is scored.fitted else scored.refitted(base, fitted)
+
+    return sorted(each(anew, ranked), key=lambda scored: -scored.evidence)

@@ -1,0 +1,290 @@
+"""Accepted effects taken back, merged, or put into a simpler form, where the model does as well without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.arm_damping import undivided
+from diagnosis.beginning import started
+from diagnosis.choice import materiality
+from diagnosis.estimation import Fitted, covariance, errors, fit, plain
+from diagnosis.finding import Accepted
+from diagnosis.hypotheses import proposals, sizes_of, withdraw
+from diagnosis.other_bases import DRY
+from diagnosis.problem import Problem
+from diagnosis.regression import View
+from diagnosis.remainder import Remainder, remainders
+from diagnosis.search import containing, generalised, is_resolved, score, within
+from diagnosis.settings import Settings
+from diagnosis.whitening import on_logs
+from envs.log import Array
+from methods.effects.base import Effect
+from methods.parallel import each
+
+CLEARED = 0.1
+"""What may stay unexplained, as a share of what a small effect explains, for it to be more than a repair of a law."""
+
+
+def prune(
+    problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """Drop effects that the later ones made superfluous."""
+    changed = len(accepted) > 1
+    while changed:
+        changed = False
+        for item in accepted:
+            if wald(base, item) > 20.0 * (item.scored.price + settings.threshold):
+                continue
+            smaller = without(problem, base, item)
+            if smaller.criterion - base.criterion < item.scored.price + settings.threshold:
+                accepted = [other for other in accepted if other is not item]
+                base, changed = smaller, len(accepted) > 1
+                break
+    return accepted, base
+
+
+def simplified(
+    problem: Problem, base: Fitted, chosen: Accepted, effects: Sequence[Effect], settings: Settings
+) -> Accepted:
+    """The effect that the chosen one includes as its limit, where that does as well with fewer parameters."""
+    joint = chosen.joint
+    inner = [(other, joint) for other in effects if other.name in chosen.effect.includes]
+    if not inner:
+        return chosen
+    visible = is_resolved(problem, chosen.scored)
+    for start in proposals(problem, [View.of(problem, base)], inner, sizes_of(problem, base))[0]:
+        point = within(problem, chosen.scored, start)
+        fitted = fit(problem, point, chosen.scored.fitted.whitener, rounds=2, iterations=6)
+        simple = score(problem, base, start, fitted)
+        saved = chosen.scored.price - simple.price
+        if chosen.scored.decrease - simple.decrease < saved + settings.threshold or not visible:
+            share = materiality(problem, simple.fitted, simple.name, joint)
+            rivals = tuple(
+                rival
+                for rival in chosen.rivals
+                if rival.name != simple.name and simple.name not in rival.effect.includes
+            )
+            return replace(chosen, scored=simple, material=share, rivals=rivals)
+    return chosen
+
+
+def merged(
+    problem: Problem, accepted: list[Accepted], chosen: Accepted, settings: Settings
+) -> tuple[list[Accepted], Accepted]:
+    """An effect that contains an earlier one takes its place, where both together do no better.
+
+    One that came as a more general form of an earlier one and is back in its simplest is that one.
+    """
+    for item in accepted:
+        if item.name not in (chosen.name, *chosen.effect.includes) or item.joint != chosen.joint:
+            continue
+        both = chosen.scored.fitted
+        allowed = item.scored.price + settings.threshold
+        for fitted in alone(problem, item, chosen):
+            if fitted.criterion - both.criterion < allowed:
+                decrease = chosen.scored.decrease + item.scored.decrease + both.criterion - fitted.criterion
+                chosen = replace(chosen, scored=replace(chosen.scored, fitted=fitted, decrease=decrease))
+                accepted = [other for other in accepted if other is not item]
+                break
+    return accepted, chosen
+
+
+def alone(problem: Problem, item: Accepted, chosen: Accepted) -> Iterator[Fitted]:
+    """Fits of the model with the chosen effect that contains `item` and without the latter.
+
+    Begun with the sum of what they have in common; then from the unfiltered errors, since what they share may bear
+    different names.
+    """
+    effect, joint, column = chosen.effect, chosen.joint, problem.kernel.column
+    both = chosen.scored.fitted
+    if item.name == chosen.name or not both.point.switches[joint, problem.kernel.switches[item.name]]:
+        yield both  # the chosen form has begun in its place
+        return
+    point = withdraw(problem, both.point, item.name, joint)
+    shared = {p.name for p in item.effect.parameters} & {p.name for p in effect.parameters}
+    if shared:
+        parameters = point.parameters.copy()
+        for name in shared:
+            parameters[:, joint, column(effect, name)] += parameters[:, joint, column(item.effect, name)]
+        yield fit(problem, replace(point, parameters=parameters), rounds=2, iterations=8)
+    bare = fit(problem, point, plain(problem, both).whitener, rounds=1, iterations=8, renewed=False)
+    yield fit(problem, bare.point, rounds=2, iterations=8)
+
+
+def simplified_afterwards(
+    problem: Problem, accepted: list[Accepted], base: Fitted, effects: Sequence[Effect], settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """The effects but the last in their simplest form: before the last one was there they may have stood in for it."""
+    for item in accepted[:-1]:
+        if not item.effect.includes:
+            continue
+        smaller = without(problem, base, item)
+        whole = replace(item.scored, fitted=base, decrease=smaller.criterion - base.criterion)
+        simple = simplified(problem, smaller, replace(item, scored=whole), effects, settings)
+        if simple.name != item.name:
+            accepted = [simple if other is item else other for other in accepted]
+            base = simple.scored.fitted
+    return accepted, base
+
+
+def merged_afterwards(
+    problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """The effects without those that others contain: it may show only when all are in their simplest form."""
+    for item in accepted if len(accepted) > 1 else ():
+        others = [other for other in accepted if other is not item]
+        left, whole = merged(problem, others, replace(item, scored=replace(item.scored, fitted=base)), settings)
+        if len(left) < len(others):
+            return merged_afterwards(problem, [*left, whole], whole.scored.fitted, settings)
+    return accepted, base
+
+
+def unified(
+    problem: Problem, accepted: list[Accepted], base: Fitted, effects: Sequence[Effect], settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """The effects with one law in the place of parts of it, another form of it among them, where it does as well."""
+    for effect, joint in ((effect, j) for effect in effects for j in range(problem.joints)):
+        laws = {effect.label, *effect.includes}
+        parts = [item for item in accepted if item.joint == joint and {item.name, item.label} & laws]
+        if len({item.label for item in parts}) < 2 or effect in [item.effect for item in parts]:
+            continue
+        view, size = View.of(problem, base), sizes_of(problem, base)[joint]
+        start, points = generalised(problem, view, effect, [item.effect for item in parts], joint, size)
+        fitted = containing(problem, base, points)
+        fitted = min(fitted, fit(problem, fitted.point, rounds=2, iterations=12), key=lambda option: option.criterion)
+        smaller = base
+        for item in parts:
+            smaller = without(problem, smaller, item)
+        whole = score(problem, smaller, start, fitted)
+        allowed = sum(item.scored.price for item in parts) + settings.threshold
+        if fitted.criterion + whole.price > base.criterion + allowed:
+            continue
+        one = Accepted(whole, materiality(problem, fitted, whole.name, joint), ())
+        one = simplified(problem, smaller, one, effects, settings)
+        return [*(item for item in accepted if item not in parts), one], one.scored.fitted
+    return accepted, base
+
+
+def significant(
+    problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """Without the effects whose amplitudes do not stand out of their own robust deviations.
+
+    An amplitude may be uncertain only because another parameter can take a part of it (a delay beside a winding's lag
+    too short for the steps). So what counts is what the removal costs, over how much wider the robust deviation is.
+    """
+    while accepted:
+        spread, weak = covariance(base), None
+        for item in sorted(accepted, key=lambda item: wald(base, item, spread)):
+            statistic = wald(base, item, spread)
+            if statistic > settings.threshold:
+                break
+            smaller = without(problem, base, item)
+            wider = wald(base, item) / max(statistic, 1e-300)
+            if smaller.criterion - base.criterion < settings.threshold * max(wider, 1.0):
+                weak = item, smaller
+                break
+        if weak is None:
+            break
+        accepted, base = [other for other in accepted if other is not weak[0]], weak[1]
+    return accepted, base
+
+
+def general(
+    problem: Problem, held_out: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """Without weak effects that make data that nobody fitted less likely; an event need not happen there."""
+    for item in sorted(accepted, key=lambda item: item.scored.evidence):
+        if item.scored.evidence > settings.weak or item.effect.scan == "event":
+            continue
+        smaller = without(problem, base, item)
+        if deviance(held_out, smaller) < deviance(held_out, base):
+            accepted, base = [other for other in accepted if other is not item], smaller
+    return accepted, base
+
+
+def deviance(held_out: Problem, fitted: Fitted) -> float:
+    """-2 log likelihood, up to a constant, of data that were not fitted: their innovations by the fit's own filter."""
+    point, joints = started(held_out, fitted.point, fitted.whitener), held_out.joints
+    innovation = on_logs(held_out, fitted.whitener)(errors(held_out, [point])[0]).reshape(joints, -1)
+    if not innovation.size:
+        return 0.0
+    return float(innovation.shape[1] * np.sum(np.log(np.mean(innovation**2, axis=1) + fitted.floor)))
+
+
+def wald(base: Fitted, item: Accepted, spread: Array | None = None) -> float:
+    """Wald statistic of an effect's amplitudes: what its removal would cost to first order.
+
+    spread: covariance of the free parameters, that of the fit unless given.
+    """
+    effect = item.effect
+    amplitudes = {effect.parameters[a].name for a in (effect.amplitudes or range(effect.size))}
+    own = {
+        i: f.name.partition(".")[2].partition("@")[0]
+        for i, f in enumerate(base.point.free)
+        if f.name.startswith(f"{item.name}.") and f.joint == item.joint
+    }
+    wanted = [i for i, name in own.items() if name in amplitudes]
+    shapes = [i for i, name in own.items() if name not in amplitudes]
+    spread = base.covariance if spread is None else spread
+    inner = spread[np.ix_(wanted, wanted)]
+    if shapes:  # an amplitude may be uncertain only because the shape is: the shape counts as known
+        cross = spread[np.ix_(wanted, shapes)]
+        inner = inner - cross @ np.linalg.pinv(spread[np.ix_(shapes, shapes)]) @ cross.T
+    values = base.point.vector[wanted]
+    return float(values @ np.linalg.pinv(inner) @ values)
+
+
+def one_dry_friction(
+    problem: Problem, nominal: Fitted, accepted: list[Accepted], base: Fitted, settings: Settings
+) -> tuple[list[Accepted], Fitted]:
+    """The effects without a second dry friction of a joint that only repairs the law of the first: what it explains
+    may as well stay unexplained."""
+    allowed = settings.unexplained * (nominal.criterion - base.criterion)
+    for j in range(problem.joints):
+        dry = [item for item in accepted if item.joint == j and DRY in (item.label, *item.effect.includes)]
+        if len(dry) < 2:
+            continue
+        item, loss, smaller = _weakest(problem, base, dry)
+        if loss < allowed:
+            accepted, base = [other for other in accepted if other is not item], smaller
+    return accepted, base
+
+
+def trim(
+    problem: Problem,
+    nominal: Fitted,
+    accepted: list[Accepted],
+    base: Fitted,
+    left: tuple[Remainder, ...],
+    settings: Settings,
+) -> tuple[list[Accepted], Fitted, tuple[Remainder, ...]]:
+    """Take back small effects while the model stays incomplete: they may only repair the inexact law of a large one."""
+    explained = nominal.criterion - base.criterion
+    while len(accepted) > 1 and sum(r.excess for r in left) > 0.0:
+        weakest = _weakest(problem, base, accepted)
+        if sum(r.excess for r in left) <= CLEARED * weakest[1]:
+            break
+        item, loss, smaller = weakest
+        if loss > settings.doubtful * explained:
+            break
+        accepted = [other for other in accepted if other is not item]
+        base = smaller
+        left = remainders(problem, base)
+    return accepted, base, left
+
+
+def _weakest(problem: Problem, base: Fitted, accepted: Sequence[Accepted]) -> tuple[Accepted, float, Fitted]:
+    """The effect whose removal costs least, that cost, and the model without it."""
+    smaller = each(lambda item: without(problem, base, item), accepted)
+    item, best = min(zip(accepted, smaller, strict=True), key=lambda option: option[1].criterion)
+    return item, best.criterion - base.criterion, best
+
+
+def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
+    """The model refitted without one of its effects."""
+    point = undivided(problem, withdraw(problem, base.point, item.name, item.joint))
+    return fit(problem, point, rounds=2, iterations=4, tolerance=1e-4)

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from diagnosis.choice import DRIVEN_BY, FORK, is_of_its_shape
 from diagnosis.estimation import Fitted, fit
-from diagnosis.finding import Accepted
+from diagnosis.finding import Accepted, competitors
 from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of, withdraw
 from diagnosis.other_bases import either
 from diagnosis.problem import Problem
@@ -91,8 +91,7 @@ def in_other_terms(
     """
     if not item.effect.neutral:
         return item
-    least, known = FORK * item.scored.evidence, {item.label, *(rival.label for rival in item.rivals)}
-    near = {r.name for r in item.considered if r.joint == item.joint and r.decrease - r.price > least}
+    known, near = {item.label, *(rival.label for rival in item.rivals)}, competitors(item, FORK)
     group = DRIVEN_BY.get(item.effect.variable)
     near |= {effect.label for effect in effects if group == "motor" and DRIVEN_BY.get(effect.variable) == group}
     others = [(effect, item.joint) for effect in effects if effect.label in near - known and effect.neutral]

@@ -108,7 +108,7 @@ def _find(
     search = Search.begin(problem, structures, effects, settings, tell)
     banded = longer = None
     if is_foreseen(problem, search.nominal):
-        banded = in_motion(replace(problem, work=Work()), structures, effects, settings, tell)
+        banded = in_motion(replace(problem, work=Work()), structures, effects, settings, tell, is_first=True)
         longer = continued(search, banded, search.nominal.criterion, held_out)
         if longer is not None and longer.verdict != "unknown":
             return quiet(problem, longer, effects, settings)
@@ -116,7 +116,7 @@ def _find(
     if whole.verdict in ("none", "named"):
         return quiet(problem, whole, effects, settings)
     dearest = cost(problem, whole.final, whole.accepted) - settings.threshold
-    if longer is not None and cost(problem, longer.final, longer.accepted) < dearest:
+    if whole.verdict == "unknown" and longer is not None and cost(problem, longer.final, longer.accepted) < dearest:
         whole = longer
     depends = sum(r.excess for r in whole.remainders) > 0.0
     if whole.verdict != "unknown" or not depends:
@@ -153,15 +153,17 @@ def in_motion(
     effects: Sequence[Effect],
     settings: Settings,
     tell: Callable[[str], None],
+    *,
+    is_first: bool = False,
 ) -> tuple[Problem, Finding] | None:
     """What the band in which the joint moved shows by itself, and the problem there; None where it is no narrower or
-    too short."""
+    too short. is_first: the whole band is still to be searched, so nothing is sought here where noise alone is left."""
     narrow = in_band(problem)
     if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
         return None
     tell("in the band of the motion")
     inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded), tell)
-    return narrow, inner.concluded(inner.grown(inner.start))
+    return narrow, inner.concluded(inner.grown(inner.start, is_first=is_first))
 
 
 def continued(
@@ -275,8 +277,11 @@ class Search:
         """The nominal model alone."""
         return Path(self.nominal, (), frozenset(), (self.nominal,))
 
-    def grown(self, path: Path) -> Path:
-        """The path continued as far as effects are found; at their limit, as far as one takes the place of another."""
+    def grown(self, path: Path, *, is_first: bool = False) -> Path:
+        """The path continued as far as effects are found; at their limit, as far as one takes the place of another.
+
+        is_first: only as far as something is left (`in_motion`).
+        """
         problem, settings = self.problem, self.settings
         limit = settings.limit * problem.joints
         while candidates := self.candidates(path, is_full=distinct(path.accepted) >= limit):
@@ -284,14 +289,16 @@ class Search:
                 path = replace(path, left=remainders(problem, path.base))
                 path = replace(path, is_cut=path.excess > 0.0)
                 break
-            self.tell(f"looking for effect {len(path.accepted) + 1}")
             explained = self.nominal.criterion - path.base.criterion
             needed = -np.inf
             if path.accepted:
                 path = replace(path, left=remainders(problem, path.base))
+                if is_first and path.excess == 0.0 and not self.incomplete(path):
+                    break
                 complete = path.excess <= allowance(self.nominal, path.base)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
                 needed = max(needed, path.scattered)
+            self.tell(f"looking for effect {len(path.accepted) + 1}")
             hopeless = partial(is_too_small, path.accepted, settings, explained)
             ranked = try_all(problem, path.base, candidates, needed=needed, is_hopeless=hopeless)
             if not path.accepted and stuck(problem, ranked):

@@ -98,10 +98,15 @@ def cost(problem: Problem, fitted: Fitted, accepted: Sequence[Accepted]) -> floa
 
 
 def near_equals(item: Accepted) -> frozenset[tuple[str, int, str]]:
-    """An effect, its joint, and each law that explains nearly as much there when it is taken."""
-    least = EQUAL * item.scored.evidence
-    found = (r for r in item.considered if r.joint == item.joint and r.decrease - r.price > least)
-    return frozenset((item.label, item.joint, r.name) for r in found if r.name != item.label)
+    """An effect, its joint, and each law that explained nearly as much there when it was taken."""
+    return frozenset((item.label, item.joint, name) for name in competitors(item, EQUAL))
+
+
+def competitors(item: Accepted, share: float) -> set[str]:
+    """The other laws of the joint with more than a share of an effect's evidence when it was taken."""
+    there = {r.name: r.decrease - r.price for r in item.considered if r.joint == item.joint}
+    own = there.pop(item.label, item.scored.evidence)
+    return {name for name, evidence in there.items() if evidence > share * own}
 
 
 def stood_for(item: Accepted) -> frozenset[tuple[str, int]]:

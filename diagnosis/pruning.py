@@ -17,7 +17,7 @@ from diagnosis.other_bases import DRY
 from diagnosis.problem import Problem
 from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainders
-from diagnosis.search import containing, generalised, is_resolved, score, within
+from diagnosis.search import Ranked, containing, generalised, is_resolved, score, within
 from diagnosis.settings import Settings
 from diagnosis.whitening import on_logs
 from envs.log import Array
@@ -76,7 +76,8 @@ def merged(
 ) -> tuple[list[Accepted], Accepted]:
     """An effect that contains an earlier one takes its place, where both together do no better.
 
-    One that came as a more general form of an earlier one and is back in its simplest is that one.
+    One that came as a more general form of an earlier one and is back in its simplest is that one. It inherits the
+    competition of what it replaces: it has been compared with the other laws only beside that.
     """
     for item in accepted:
         if item.name not in (chosen.name, *chosen.effect.includes) or item.joint != chosen.joint:
@@ -86,7 +87,10 @@ def merged(
         for fitted in alone(problem, item, chosen):
             if fitted.criterion - both.criterion < allowed:
                 decrease = chosen.scored.decrease + item.scored.decrease + both.criterion - fitted.criterion
-                chosen = replace(chosen, scored=replace(chosen.scored, fitted=fitted, decrease=decrease))
+                scored = replace(chosen.scored, fitted=fitted, decrease=decrease)
+                own = Ranked(chosen.label, chosen.joint, decrease, scored.price)
+                others = (r for r in item.considered if (r.name, r.joint) != (chosen.label, chosen.joint))
+                chosen = replace(chosen, scored=scored, considered=(own, *others))
                 accepted = [other for other in accepted if other is not item]
                 break
     return accepted, chosen

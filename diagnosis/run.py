@@ -64,6 +64,7 @@ from diagnosis.rivals import rival_rows
 from diagnosis.search import Ranked, Scored
 from diagnosis.settings import Settings
 from diagnosis.text import joint_sentence, table
+from diagnosis.unreached_limits import limits_decided
 from envs.log import Array, Log
 from envs.log_files import write_atomically
 from methods.base import MethodError
@@ -87,7 +88,8 @@ class Solved:
     """One problem (a joint, or a coupled pair) from logs to ledger; `no_compensator` says why there is none.
 
     failing: by index the joints whose model does not hold on the held-out logs though nothing was left to explain.
-    rest: where the torques of the rest of the arm are from, or why they are missing.
+    rest: where the torques of the rest of the arm are from, or why they are missing. limits: by index the joints whose
+    stated torque limit is reached in the held-out logs only, and whether it acts there.
     """
 
     joints: tuple[int, ...]
@@ -101,6 +103,7 @@ class Solved:
     no_compensator: str
     failing: Mapping[int, Failure] = field(default_factory=dict)
     rest: str = ""
+    limits: Mapping[int, bool] = field(default_factory=dict)
 
     @property
     def verdict(self) -> Verdict:
@@ -188,7 +191,7 @@ def diagnose(
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
-            solved_notes = (timing_said, growth_said, lags_said, winding_said, budget_said)
+            solved_notes = (timing_said, growth_said, lags_said, winding_said, limit_said, budget_said)
             notes = (scale_said(result), *(said(solved, j) for said in solved_notes))
             findings += filter(None, notes)
         if solved.rest:
@@ -323,6 +326,18 @@ def winding_said(solved: Solved, j: int) -> str:
     )
 
 
+def limit_said(solved: Solved, j: int) -> str:
+    """That the held-out logs have decided whether a stated torque limit acts; nothing otherwise."""
+    if j not in solved.limits:
+        return ""
+    limit = f"{solved.structures[j].torque_limit:.3g} {solved.units[j].command}, input-equivalent"
+    outcome = "where it acts" if solved.limits[j] else "where the joint goes beyond it as if there were none"
+    return (
+        f"joint {solved.joints[j]}: the torque of the drive's stated current limit ({limit}) is reached in no fitted "
+        f"log but in a held-out one, {outcome}. Whether it acts is all that held-out logs have decided about the model"
+    )
+
+
 def is_determined(effect: NamedEffect) -> bool:
     """Whether the logs determine any parameter of an effect with several: one of which they tell nothing but that it
     explains something stands for another one."""
@@ -431,6 +446,7 @@ def solve(
         for j, number in enumerate(group)
     )
     finding = find(problem, structures, effects, settings, lambda text: tell(f"{name}: {text}"), held_out)
+    finding, limits = limits_decided(problem, held_out, finding, structures, settings.threshold)
     found = clock.perf_counter()
     if finding.band is not None:
         problem = in_band(problem)
@@ -447,7 +463,9 @@ def solve(
         ledger.append(Step("+ compensator", "compensator", None, point, replay(held_out, point, WINDOW, networks)))
     seconds["search"] = seconds.get("search", 0.0) + found - started
     seconds["ledger"] = seconds.get("ledger", 0.0) + clock.perf_counter() - found
-    return Solved(group, structures, units, problem, held_out, finding, tuple(ledger), networks, reason, failing, rest)
+    return Solved(
+        group, structures, units, problem, held_out, finding, tuple(ledger), networks, reason, failing, rest, limits
+    )
 
 
 def joint_result(

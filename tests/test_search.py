@@ -664,14 +664,20 @@ def test_the_whole_band_goes_on_from_what_the_band_of_the_motion_has_found(monke
     problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.2}}, noise, 30.0)], (1,))
     grown = Search.grown
 
-    def stuck(search: Search, path: Path) -> Path:
+    def stuck(search: Search, path: Path, **known: bool) -> Path:
         if search.problem is problem and not path.accepted:
             return replace(path, left=(remainder(problem, path.base, 0),))
-        return grown(search, path)
+        return grown(search, path, **known)
 
     monkeypatch.setattr(Search, "grown", stuck)
-    effects = [NAMED["coulomb_friction"], NAMED["quadratic_drag"]]
-    finding = find(problem, (JointStructure(),), effects)
+    effects, told = [NAMED["coulomb_friction"], NAMED["quadratic_drag"]], []
+    finding = find(problem, (JointStructure(),), effects, tell=told.append)
+    assert told == [  # a first look into the band ends where noise is left
+        "in the band of the motion",
+        "looking for effect 1",
+        "again in the whole band",
+        "looking for effect 2",
+    ]
     assert (finding.verdict, [item.name for item in finding.accepted]) == ("named", ["coulomb_friction"])
     assert finding.band is None
     assert finding.final.point.value("coulomb_friction.torque@0") == pytest.approx(0.2, rel=0.01)

@@ -48,6 +48,7 @@ from diagnosis.pruning import (
     unified,
     without,
 )
+from diagnosis.recurrence import recurrences_settled
 from diagnosis.remainder import Remainder, lucky, remainders
 from diagnosis.search import (
     Ranked,
@@ -346,7 +347,7 @@ class Search:
         base = limits_settled(problem, chosen.scored.fitted, self.structures)
         base = arm_damping_settled(problem, twists_settled(problem, base))
         base = timing_settled(problem, windings_settled(problem, base))
-        base = following_settled(problem, base)
+        accepted, base = recurrences_settled(problem, accepted, following_settled(problem, base))
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)

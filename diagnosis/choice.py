@@ -27,6 +27,8 @@ TAKEN_BACK = 0.5
 """Share of a lag by which the command may act earlier than it is logged."""
 AT_END = 0.99
 """Share of the largest possible size from which an effect is at the end of its range."""
+BRIEF = 0.5
+"""Samples below which a lag takes strong evidence."""
 SIMULTANEOUS = 0.2
 """Time [s] between two events that are taken for one."""
 DRIVEN_BY = {"position": "place", "motor torque": "motor", "command": "motor"}
@@ -128,7 +130,7 @@ def choose(
     near = [
         s
         for s in ranked
-        if s.evidence > settings.threshold
+        if s.evidence > (settings.weak if is_brief(problem, s) else settings.threshold)
         and (s.decrease >= top.decrease - margin or s.evidence >= best - settings.rival)
     ]
     for scored in sorted(near, key=lambda s: (s.effect.size, -s.evidence)):
@@ -227,6 +229,12 @@ def is_possible(problem: Problem, scored: Scored) -> bool:
     values = np.abs(scored.fitted.point.parameters[:, joint, problem.kernel.own(effect)])
     either = {i: p.upper for i, p in enumerate(effect.parameters) if p.lower == -p.upper and np.isfinite(p.upper)}
     return all(np.all(values[:, i] < AT_END * end) for i, end in either.items())
+
+
+def is_brief(problem: Problem, scored: Scored) -> bool:
+    """Whether a lag is so short that it may be the instants at which the logs were written (`diagnosis.timing`)."""
+    own = scored.fitted.point.parameters[0, scored.start.hypothesis.joint, problem.kernel.own(scored.effect).start]
+    return scored.label == LAG and bool(own < BRIEF * problem.sample_time)
 
 
 def stays_itself(problem: Problem, scored: Scored) -> bool:

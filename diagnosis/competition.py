@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from diagnosis.choice import DRIVEN_BY, FORK, is_of_its_shape
 from diagnosis.estimation import Fitted, fit
 from diagnosis.finding import Accepted, competitors
-from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of, withdraw
+from diagnosis.hypotheses import extend
+from diagnosis.imitation import imitating
 from diagnosis.other_bases import either
 from diagnosis.problem import Problem
 from diagnosis.pruning import without
 from diagnosis.remainder import Remainder
-from diagnosis.search import Scored, score, try_all
+from diagnosis.search import Scored, try_all
 from diagnosis.settings import Settings
 from diagnosis.turns import free_of_filter
-from envs.log import Array
 from methods.effects.base import Effect
 from methods.parallel import each
 
@@ -98,39 +97,10 @@ def in_other_terms(
     if not others:
         return item
     limit, smaller = base.criterion + item.scored.price + settings.rival, without(problem, base, item)
-    found = [imitating(problem, base, smaller, item, effect) for effect, _ in others]
+    found = [imitating(problem, base, smaller, item.effect, effect, item.joint) for effect, _ in others]
     rivals = [
         rival
         for rival in either(try_all(problem, smaller, others), [rival for rival in found if rival is not None])
         if rival.fitted.criterion + rival.price < limit and is_of_its_shape(problem, rival)
     ]
     return replace(item, rivals=(*item.rivals, *rivals))
-
-
-def imitating(problem: Problem, base: Fitted, smaller: Fitted, item: Accepted, other: Effect) -> Scored | None:
-    """Another law in the place of one of the command or the motor torque, begun where it does the same to the commands
-    of the logs; None where either is no function of these alone."""
-    j, effect = item.joint, item.effect
-    largest = float(np.max(np.abs(problem.command[:, j])))
-    own, theirs = (static_law(law, np.linspace(-largest, largest, 41)) for law in (effect, other))
-    if own is None or theirs is None or other.starts is None:
-        return None
-    wanted = own(base.point.parameters[0, j, problem.kernel.own(effect)])
-    bounds = [p.lower for p in other.parameters], [p.upper for p in other.parameters]
-    starts = [np.clip(values, *bounds) for values in other.starts(sizes_of(problem, smaller)[j])]
-    fits = [least_squares(lambda p: theirs(p) - wanted, x, bounds=bounds, x_scale=np.abs(x) + 1e-12) for x in starts]
-    values = np.tile(min(fits, key=lambda fitted: fitted.cost).x, (problem.logs, 1))
-    start = Start(Hypothesis(other, j), values, 0.0, len(starts))
-    point = extend(problem, withdraw(problem, base.point, effect.name, j), start.hypothesis, values)
-    return score(problem, smaller, start, fit(problem, point, rounds=2, iterations=10))
-
-
-def static_law(effect: Effect, command: Array) -> Callable[[Array], Array] | None:
-    """What an effect makes of commands (T,), by its parameters, while the joint rests and the torque is the command;
-    None if it is no law of these."""
-    law = effect.function
-    if law is None or effect.slot not in ("command", "gain"):
-        return None
-    if effect.slot == "command":
-        return lambda p: np.array([law(u, 0.0, 0.0, 0.0, u, p) for u in command])
-    return lambda p: np.array([u * law(0.0, 0.0, 0.0, u, p) for u in command])

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from diagnosis.arm_damping import arm_damping_settled
 from diagnosis.beginning import twists_settled
 from diagnosis.choice import (
+    FORK,
     LAG,
     choose,
     coincides,
@@ -28,10 +29,11 @@ from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, st
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, hopped
 from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.imitation import imitating
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
-from diagnosis.other_bases import also_from_regression, also_without_limits, settled_anew
+from diagnosis.other_bases import also_from_regression, also_without_limits, either, settled_anew
 from diagnosis.patchwork import patchwork
 from diagnosis.problem import Problem, Work, in_band
 from diagnosis.pruning import (
@@ -66,6 +68,7 @@ from diagnosis.timing import timing_settled
 from diagnosis.turns import free_of_filter, in_turns
 from diagnosis.verdict import allowance, unexplained, verdict
 from methods.effects.base import Effect
+from methods.parallel import each
 
 JITTER = "timestamp_jitter"
 """The effect that shows in the scatter of the readings only."""
@@ -176,7 +179,8 @@ def continued(
     if path is None:
         return None
     search.tell("again in the whole band")
-    return search.concluded(search.grown(path), held_out)
+    path = search.grown(path)
+    return search.concluded(search.exchanged(path) if search.asks(path) and not search.is_spent else path, held_out)
 
 
 def quiet(problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings) -> Finding:
@@ -202,7 +206,8 @@ def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
         replace(item, scored=item.scored.refitted(without(problem, base, item), base)) for item in banded.accepted
     )
     present = frozenset(place for item in accepted for place in stood_for(item))
-    return Path(base, accepted, present, (search.nominal, base))
+    equals = frozenset(near for item in banded.accepted for near in near_equals(item))
+    return Path(base, accepted, present, (search.nominal, base), equals=equals)
 
 
 def does_better(narrow: Problem, held_out: Problem | None, whole: Finding, banded: Finding, threshold: float) -> bool:
@@ -279,21 +284,24 @@ class Search:
         return Path(self.nominal, (), frozenset(), (self.nominal,))
 
     def grown(self, path: Path, *, is_first: bool = False) -> Path:
-        """The path continued as far as effects are found; at their limit, as far as one takes the place of another.
+        """The path continued as far as effects are found; at their limit, as far as one takes the place of another, or
+        one more explains a good part of all.
 
         is_first: only as far as something is left (`in_motion`).
         """
         problem, settings = self.problem, self.settings
-        limit = settings.limit * problem.joints
-        while candidates := self.candidates(path, is_full=distinct(path.accepted) >= limit):
-            if path.accepted and self.taken > END:
+        while True:
+            if path.accepted:
                 path = replace(path, left=remainders(problem, path.base))
+            candidates = self.candidates(path, is_full=self.is_full(path))
+            if not candidates:
+                break
+            if path.accepted and self.taken > END:
                 path = replace(path, is_cut=path.excess > 0.0)
                 break
             explained = self.nominal.criterion - path.base.criterion
             needed = -np.inf
             if path.accepted:
-                path = replace(path, left=remainders(problem, path.base))
                 if is_first and path.excess == 0.0 and not self.incomplete(path):
                     break
                 complete = path.excess <= allowance(self.nominal, path.base)
@@ -319,10 +327,19 @@ class Search:
             closer = tuple((before, other) for other in nearer)
             others = tuple((before, other) for other in nearly_as_good(chosen, ranked))
             longer = self.advanced(replace(path, forks=closer + path.forks + others), chosen)
-            if distinct(longer.accepted) > limit:
+            gained = path.base.criterion - longer.base.criterion
+            if self.beyond(longer) > 0 and gained < settings.inexact * explained:
                 break
             path = longer
         return path if path.left else replace(path, left=remainders(problem, path.base))
+
+    def beyond(self, path: Path) -> int:
+        """Number of effects beyond the limit."""
+        return distinct(path.accepted) - self.settings.limit * self.problem.joints
+
+    def is_full(self, path: Path) -> bool:
+        """Whether no further effects are taken: at the limit where nothing is left, and one beyond it."""
+        return self.beyond(path) > 0 or (self.beyond(path) == 0 and path.excess == 0.0)
 
     def candidates(self, path: Path, *, is_full: bool) -> list[tuple[Effect, int]]:
         """The effects that may come next: all others, or those that contain one that is there."""
@@ -366,39 +383,59 @@ class Search:
         )
 
     def exchanged(self, path: Path) -> Path:
-        """The path with another law in the place of one of its effects, where that does better beside all others, and
-        continued from there.
+        """The path with other laws in the place of its effects, where these do better beside all others, and continued
+        from there.
 
         What stands beside an effect now may have been missing when it was taken, and a near equal have come second only
-        for that.
+        for that. Where something is left, any law may have been what the effect stands in for.
         """
-        problem, settings = self.problem, self.settings
-        for item in path.accepted:
-            others = tuple(other for other in path.accepted if other is not item)
-            near = {name for label, joint, name in path.equals if (label, joint) == (item.label, item.joint)}
-            near -= {other.label for other in path.accepted if other.joint == item.joint}
-            rivals = [(effect, item.joint) for effect in self.effects if effect.label in near]
-            if not rivals:
-                continue
-            self.tell(f"another law in the place of {item.label}")
-            smaller = without(problem, path.base, item)
-            explained = self.nominal.criterion - smaller.criterion
-            best = choose(problem, try_all(problem, smaller, rivals), settings, explained, others)
-            if best is None:
-                continue
-            cost = best.scored.fitted.criterion + best.scored.price
-            if cost < path.base.criterion + item.scored.price - settings.threshold:
-                present = frozenset(place for other in others for place in stood_for(other))
-                shorter = replace(path, base=smaller, accepted=others, present=present, left=())
-                return self.grown(self.advanced(shorter, best))
+        for any_law in (False, True):
+            for item in path.accepted:
+                if self.is_spent or (any_law and not self.asks(path)):
+                    return path
+                other = self.with_another_law(path, item, any_law=any_law)
+                if other is not None:
+                    return self.exchanged(other)
         return path
+
+    def with_another_law(self, path: Path, item: Accepted, *, any_law: bool) -> Path | None:
+        """The path with another law in the place of an effect: any, or one of its near equals; None if none does
+        better."""
+        problem, settings = self.problem, self.settings
+        others = tuple(other for other in path.accepted if other is not item)
+        present = frozenset(place for other in others for place in stood_for(other))
+        near = {name for label, joint, name in path.equals if (label, joint) == (item.label, item.joint)}
+        near -= {other.label for other in others if other.joint == item.joint}
+        shorter = replace(path, accepted=others, present=present, left=())
+        rivals = [
+            (effect, joint)
+            for effect, joint in self.candidates(shorter, is_full=False)
+            if joint == item.joint and (effect.label in near or (any_law and effect.name != item.name))
+        ]
+        if not rivals:
+            return None
+        self.tell(f"another law in the place of {item.label}")
+        smaller = without(problem, path.base, item)
+        needed, explained = smaller.criterion - path.base.criterion, self.nominal.criterion - smaller.criterion
+        alike = each(lambda rival: imitating(problem, path.base, smaller, item.effect, *rival), rivals)
+        ranked = try_all(problem, smaller, rivals, needed=needed)
+        ranked = either(ranked, [scored for scored in alike if scored is not None])
+        best = choose(problem, ranked, settings, explained, others)
+        if best is None or best.scored.decrease < FORK * needed:
+            return None
+        longer = self.grown(self.advanced(replace(shorter, base=smaller), best))
+        return longer if self.cost(longer) < self.cost(path) - settings.threshold else None
+
+    def asks(self, path: Path) -> bool:
+        """Whether what is left beside the effects is worth another look at them."""
+        return path.excess > 0.0 and (len(path.accepted) > 1 or self.incomplete(path))
 
     def completed(self, path: Path) -> Path:
         """The path with other laws in place of its own and, where something is left, other ways that lead further.
 
         Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
         """
-        asks = path.excess > 0.0 and (len(path.accepted) > 1 or self.incomplete(path))
+        asks = self.asks(path)
         is_cut = path.is_cut or (asks and self.is_spent)
         if asks and not is_cut:
             path = self.exchanged(path)

@@ -18,8 +18,8 @@ class Settings:
     nobody fitted. material: least effect of its torque, as a share of the command's rms, beside others. faint: the same
     of the first one, beside which no inexact law of another one can need repair.
     rival: evidence within which two explanations cannot be told apart. limit: largest number of effects per joint; more
-    would be patchwork around something unknown. banded: the same in the band of the motion, where the whole band has
-    left something unexplained.
+    would be patchwork around something unknown, but for one that explains the share `inexact` of all. banded: the limit
+    in the band of the motion, where the whole band has left something unexplained.
     minor: share of all that was explained below which a further effect, or a drift of a parameter that is not
     `relevant` either, is taken for an inexact law of another.
     doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`.

@@ -24,12 +24,13 @@ from diagnosis.choice import (
     stays_itself,
     textbook,
 )
-from diagnosis.competition import confirmed, in_other_terms, simpler_rivals, static_law
+from diagnosis.competition import confirmed, in_other_terms, simpler_rivals
 from diagnosis.engine import Path, Search, find, is_foreseen, with_jitter
 from diagnosis.estimation import errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.finding import Accepted, Finding, near_equals
 from diagnosis.first_fits import nearest, retimed, retuned
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
+from diagnosis.imitation import Signals, imitating, resistance
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
@@ -382,14 +383,38 @@ def test_general_forms_of_other_laws_are_rivals_of_a_general_form(voltage: float
 
 
 def test_a_law_of_the_motor_torque_imitates_one_of_the_command() -> None:
-    command = np.linspace(-2.0, 2.0, 9)
+    command, still = np.linspace(-2.0, 2.0, 9), np.zeros(9)
+    signals = Signals(command, still, still, command)
     saturated, power = (
-        static_law(NAMED[n], command) for n in ("gradual_voltage_saturation", "torque_constant_saturation_power")
+        resistance(NAMED[n], signals) for n in ("gradual_voltage_saturation", "torque_constant_saturation_power")
     )
     assert saturated is not None
     assert power is not None
     assert power(np.array([0.5, 0.5])) == pytest.approx(saturated(np.array([1.0, 2.0])))
-    assert static_law(NAMED["coulomb_friction"], command) is None
+
+
+def test_what_a_law_takes_from_the_motor_torque() -> None:
+    signals = Signals(*np.array([[1.0, 2.0], [0.5, -0.5], [2.0, -2.0], [3.0, -1.0]]))
+    taken = lambda name, *p: resistance(NAMED[name], signals)(np.array(p)).tolist()  # noqa: E731
+    assert taken("cable_spring", 2.0, 0.5) == [0.5, -1.5]
+    assert taken("coulomb_friction", 0.3) == [0.3, -0.3]
+    assert taken("load_dependent_friction", 0.1) == pytest.approx([0.3, -0.1])
+    assert taken("dead_zone", 1.5) == [1.0, 1.5]
+    for other in ("encoder_eccentricity", "periodic_disturbance", "joint_flexibility", "axis_coupling"):
+        assert resistance(NAMED[other], signals) is None
+
+
+@pytest.mark.parametrize(("second", "is_one"), [("cable_spring", True), ("coulomb_friction", False)])
+def test_a_law_begins_where_it_does_the_same_as_another_one(second: str, is_one: bool) -> None:
+    """From a model without its weight a pendulum would move quite unlike."""
+    problem = problem_of({"gravity_tilt": {"sine": 3.0, "cosine": 0.0}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    item = accepted(problem, nominal, "gravity_tilt", [3.0, 0.0])
+    other = imitating(problem, item.scored.fitted, nominal, item.effect, NAMED[second], 0)
+    assert (other is not None) == is_one
+    if other is not None:
+        assert other.decrease > 0.1 * item.scored.decrease
+        assert other.fitted.point.value("cable_spring.stiffness@0") == pytest.approx(3.0, rel=0.1)
 
 
 @pytest.mark.parametrize(("taper", "is_one"), [(0.7, False), (2.6, True), (30.0, True)])
@@ -626,6 +651,51 @@ def test_a_near_equal_takes_the_place_of_an_effect_where_it_does_better() -> Non
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.95) == ["coulomb_friction"]
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.5) == ["quadratic_drag"]
     assert names("coulomb_friction", [0.2], "quadratic_drag", 0.95) == ["coulomb_friction"]
+
+
+def test_a_stand_in_for_two_laws_gives_way_to_both() -> None:
+    """Stribeck friction that falls with the speed is dry friction, drag and damping together."""
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of({"coulomb_friction": {"torque": 0.1}, "quadratic_drag": {"coefficient": 0.02}}, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    search = Search(problem, (JointStructure(),), EFFECTS, Settings(), nominal, lambda text: None)
+    item = accepted(problem, nominal, "stribeck_friction", [0.01, 0.1, 1.0, 1.5])
+    path = Path(item.scored.fitted, (item,), frozenset({("stribeck_friction", 0)}), (nominal,))
+    assert search.with_another_law(path, item, any_law=False) is None
+    settled = search.with_another_law(path, item, any_law=True)
+    assert settled is not None
+    assert {item.label for item in settled.accepted} == {"coulomb_friction", "quadratic_drag"}
+    assert search.with_another_law(settled, settled.accepted[0], any_law=True) is None
+
+
+@pytest.mark.parametrize(("drag", "found"), [(0.02, True), (0.0003, False)])
+def test_one_effect_beyond_the_limit_has_to_explain_a_good_part(drag: float, found: bool) -> None:
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of({"coulomb_friction": {"torque": 0.1}, "quadratic_drag": {"coefficient": drag}}, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    few = [NAMED["coulomb_friction"], NAMED["quadratic_drag"]]
+
+    def names(limit: int) -> set[str]:
+        search = Search(problem, (JointStructure(),), few, Settings(limit=limit), nominal, lambda text: None)
+        return {item.label for item in search.grown(search.start).accepted}
+
+    assert names(2) == {"coulomb_friction", "quadratic_drag"}
+    assert names(1) == ({"coulomb_friction", "quadratic_drag"} if found else {"coulomb_friction"})
+
+
+def test_a_lag_that_logs_may_be_late_by_takes_strong_evidence() -> None:
+    problem = problem_of({})
+    nominal = fit_nominal(problem, (JointStructure(),))
+
+    def is_chosen(time: float, evidence: float) -> bool:
+        hypothesis, values = Hypothesis(NAMED["amplifier_lag"], 0), np.array([[time]])
+        point = extend(problem, nominal.point, hypothesis, values)
+        fitted = replace(nominal, point=point, error=errors(problem, [point])[0])
+        only = Scored(Start(hypothesis, values, 0.0), fitted, evidence + 10.0, 10.0)
+        return choose(problem, [only], Settings(), 0.0) is not None
+
+    assert [is_chosen(0.3 * DT, evidence) for evidence in (40.0, 80.0)] == [False, True]
+    assert is_chosen(0.7 * DT, 40.0)
 
 
 @pytest.mark.slow

@@ -194,6 +194,11 @@ class Effect:
         others = (TIME["torque"], MOTOR_TORQUE["torque"], NEIGHBOUR)
         return whole and self.scan is None and not any(map(self._reads, others))
 
+    @property
+    def has_neighbour(self) -> bool:
+        """Whether the motion or the command of the neighbouring joint enters its law."""
+        return self.slot == "torque" and self._reads(NEIGHBOUR)
+
     def _reads(self, place: int | None) -> bool:
         """Whether its function reads the argument at a place."""
         if self.function is None or place is None:

@@ -1,0 +1,99 @@
+"""One law in the place of another, begun where it does the same to the motion of the logs.
+
+From a model without either, a fit may end far from what the second can do: where a spring moves the joint, a model
+without it moves quite unlike, and a gradual saturation of one kind may explain nothing as the textbook's form of the
+other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from diagnosis.estimation import Fitted, fit, predicted_motion
+from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of, withdraw
+from diagnosis.problem import Problem
+from diagnosis.search import Scored, score
+from envs.log import Array
+from methods.effects.base import Effect
+
+INSTANTS = 400
+"""Samples at which the laws are compared, besides those at which the signals are largest."""
+BACKWARDS = 20
+"""Steps from a torque with an effect to the torque without."""
+ALIKE = 0.5
+"""Rms of the difference of two laws, over that of the first, up to which the second is fitted in its place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """What laws read, at some instants (N,): command, angle, velocity and motor torque."""
+
+    command: Array
+    position: Array
+    velocity: Array
+    torque: Array
+
+    @classmethod
+    def of(cls, problem: Problem, fitted: Fitted, joint: int) -> Signals:
+        """The command and the predicted motion of a joint, all along the logs and where each is largest."""
+        motion = predicted_motion(problem, fitted.point)[:, joint]
+        rows = np.column_stack([problem.command[:, joint], motion])[problem.used]
+        even = np.linspace(0, len(rows) - 1, INSTANTS).astype(int)
+        return cls(*rows[np.unique([*even, *np.argmax(rows, axis=0), *np.argmin(rows, axis=0)])].T)
+
+
+def resistance(effect: Effect, signals: Signals) -> Callable[[Array], Array] | None:
+    """The torque (N,) that an effect takes from the motor's, by its parameters; None where it is no function of these
+    signals alone."""
+    law, s = effect.function, signals
+    if law is None or effect.slot == "sensor" or effect.has_time or effect.has_neighbour:
+        return None
+    rows = list(zip(s.command, s.position, s.velocity, s.torque, strict=True))
+    if effect.slot == "command":
+        return lambda p: np.array([u - law(u, 0.0, q, dq, w, p) for u, q, dq, w in rows])
+    if effect.slot == "gain":
+        return lambda p: np.array([w * (1.0 - law(0.0, q, dq, w, p)) for _, q, dq, w in rows])
+    if effect.slot == "friction":
+        return lambda p: np.array([np.sign(dq) * law(0.0, q, dq, w, p) for _, q, dq, w in rows])
+    alone = (0.0, 0.0, 0.0)
+    return lambda p: np.array([law(0.0, q, dq, w, alone, p) for _, q, dq, w in rows])
+
+
+def before(effect: Effect, signals: Signals, values: Array) -> Signals:
+    """The signals with the motor torque as it would be without an effect of the command or the torque itself."""
+    torque = signals.torque
+    for _ in range(BACKWARDS if effect.slot in ("command", "gain") else 0):
+        taken = resistance(effect, replace(signals, torque=torque))
+        torque = torque if taken is None else signals.torque + taken(values)
+    return replace(signals, torque=torque)
+
+
+def imitating(
+    problem: Problem, base: Fitted, smaller: Fitted, effect: Effect, other: Effect, joint: int
+) -> Scored | None:
+    """Another law in the place of an effect of the base; None where either is no function of the signals, or it cannot
+    do nearly the same. smaller: the model without the effect, to which the score refers."""
+    values = base.point.parameters[0, joint, problem.kernel.own(effect)]
+    signals = before(effect, Signals.of(problem, base, joint), values)
+    own, theirs = resistance(effect, signals), resistance(other, signals)
+    if own is None or theirs is None or other.starts is None:
+        return None
+    speed = signals.velocity / max(float(np.linalg.norm(signals.velocity)), 1e-300)
+    aside = lambda torque: torque - speed * (speed @ torque)  # the damping moves along  # noqa: E731
+    wanted = aside(own(values))
+    bounds = [p.lower for p in other.parameters], [p.upper for p in other.parameters]
+    starts = [np.clip(values, *bounds) for values in other.starts(sizes_of(problem, smaller)[joint])]
+    if not starts:
+        return None
+    differ = lambda p: aside(theirs(p)) - wanted  # noqa: E731
+    fits = [least_squares(differ, x, bounds=bounds, x_scale=np.abs(x) + 1e-12, max_nfev=30) for x in starts]
+    best = min(fits, key=lambda fitted: fitted.cost)
+    if 2.0 * best.cost > ALIKE**2 * np.sum(wanted**2):
+        return None
+    start = Start(Hypothesis(other, joint), np.tile(best.x, (problem.logs, 1)), 0.0, len(starts))
+    point = extend(problem, withdraw(problem, base.point, effect.name, joint), start.hypothesis, start.values)
+    return score(problem, smaller, start, fit(problem, point, rounds=2, iterations=10))

@@ -24,24 +24,29 @@ from envs.log import Array
 from methods.effects.base import Effect
 from methods.parallel import each
 
+SURE = 20.0
+"""Wald statistic of an effect, over what its removal has to cost, from which it is taken to cost that."""
 CLEARED = 0.1
 """What may stay unexplained, as a share of what a small effect explains, for it to be more than a repair of a law."""
 
 
 def prune(
-    problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
+    problem: Problem, accepted: list[Accepted], base: Fitted, settings: Settings, sure: float = SURE
 ) -> tuple[list[Accepted], Fitted]:
-    """Drop effects that the later ones made superfluous."""
-    changed = len(accepted) > 1
+    """Drop effects that the others, or a better fit without them, made superfluous.
+
+    sure: Wald statistic, over the least cost of a removal, from which an effect is not asked.
+    """
+    changed = bool(accepted)
     while changed:
         changed = False
         for item in accepted:
-            if wald(base, item) > 20.0 * (item.scored.price + settings.threshold):
+            if wald(base, item) > sure * (item.scored.price + settings.threshold):
                 continue
             smaller = without(problem, base, item)
             if smaller.criterion - base.criterion < item.scored.price + settings.threshold:
                 accepted = [other for other in accepted if other is not item]
-                base, changed = smaller, len(accepted) > 1
+                base, changed = smaller, bool(accepted)
                 break
     return accepted, base
 
@@ -200,9 +205,10 @@ def significant(
 def general(
     problem: Problem, held_out: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
 ) -> tuple[list[Accepted], Fitted]:
-    """Without weak effects that make data that nobody fitted less likely; an event need not happen there."""
+    """Without weak effects that make data that nobody fitted less likely; an event of a single log need not happen
+    there."""
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
-        if item.scored.evidence > settings.weak or item.effect.scan == "event":
+        if item.scored.evidence > settings.weak or item.scored.start.hypothesis.log >= 0:
             continue
         smaller = without(problem, base, item)
         if deviance(held_out, smaller) < deviance(held_out, base):

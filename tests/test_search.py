@@ -36,7 +36,7 @@ from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.other_bases import also_from_regression, also_without_limits, settled_anew
 from diagnosis.problem import Problem, Work, evenly, stack
-from diagnosis.pruning import merged, merged_afterwards, unified
+from diagnosis.pruning import general, merged, merged_afterwards, unified
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, shows_blows
 from diagnosis.replay import imitated_floor, noise_floor, transfer
@@ -1221,6 +1221,20 @@ def test_a_weak_effect_has_to_show_where_nobody_fitted() -> None:
         held_out = stack(KERNEL, [record(drag(elsewhere), noise(3))], (1,))
         finding = find(problem, (JointStructure(),), (NAMED["quadratic_drag"],), held_out=held_out)
         assert finding.verdict == verdict
+
+
+def test_a_weak_event_of_all_logs_has_to_show_where_nobody_fitted() -> None:
+    """One of a single log need not: it may have happened only there."""
+    noise = lambda seed: 1e-3 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    payload = {"payload_change": {"inertia": 0.02, "time": 5.0}}
+    problem = stack(KERNEL, [record(payload, noise(seed)) for seed in (1, 2)], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    for log, everywhere, kept in ((-1, True, True), (-1, False, False), (0, False, True)):
+        start = Start(Hypothesis(NAMED["payload_change"], 0, log), np.tile([0.02, 5.0], (2, 1)), 0.0)
+        fitted = fit(problem, extend(problem, nominal.point, start.hypothesis, start.values), rounds=2, iterations=8)
+        item = Accepted(Scored(start, fitted, 50.0, 10.0), 0.1, ())
+        held_out = stack(KERNEL, [record(payload if everywhere else {}, noise(3))], (1,))
+        assert general(problem, held_out, [item], fitted, Settings())[0] == ([item] if kept else [])
 
 
 def test_the_response_to_a_torque_is_taken_where_the_joint_moves() -> None:

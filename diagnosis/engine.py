@@ -166,7 +166,8 @@ def in_motion(
     if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
         return None
     tell("in the band of the motion")
-    inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded), tell)
+    budget = settings.budget // 2 if is_first else settings.budget
+    inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded, budget=budget), tell)
     return narrow, inner.concluded(inner.grown(inner.start, is_first=is_first))
 
 

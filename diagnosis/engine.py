@@ -38,6 +38,7 @@ from diagnosis.patchwork import patchwork
 from diagnosis.problem import Problem, Work, in_band
 from diagnosis.pruning import (
     deviance,
+    elsewhere,
     general,
     merged,
     merged_afterwards,
@@ -115,10 +116,10 @@ def _find(
         banded = in_motion(replace(problem, work=Work()), structures, effects, settings, tell, is_first=True)
         longer = continued(search, banded, search.nominal.criterion, held_out)
         if longer is not None and longer.verdict != "unknown":
-            return quiet(problem, longer, effects, settings)
+            return quiet(problem, longer, effects, settings, held_out)
     whole = search.concluded(search.completed(search.grown(search.start)), held_out)
     if whole.verdict in ("none", "named"):
-        return quiet(problem, whole, effects, settings)
+        return quiet(problem, whole, effects, settings, held_out)
     dearest = cost(problem, whole.final, whole.accepted) - settings.threshold
     if whole.verdict == "unknown" and longer is not None and cost(problem, longer.final, longer.accepted) < dearest:
         whole = longer
@@ -130,7 +131,7 @@ def _find(
         if not search.is_spent:
             longer = continued(search, banded, dearest, held_out)
             if longer is not None and longer.verdict != "unknown":
-                return quiet(problem, longer, effects, settings)
+                return quiet(problem, longer, effects, settings, held_out)
     if banded is None:
         return whole
     narrow, found = banded
@@ -184,10 +185,12 @@ def continued(
     return search.concluded(search.exchanged(path) if search.asks(path) and not search.is_spent else path, held_out)
 
 
-def quiet(problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings) -> Finding:
+def quiet(
+    problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings, held_out: Problem | None
+) -> Finding:
     """The finding, with a jitter if there is one; only where nothing else is left."""
     still = sum(r.excess for r in finding.remainders) == 0.0
-    return with_jitter(problem, finding, effects, settings) if still else finding
+    return with_jitter(problem, finding, effects, settings, held_out) if still else finding
 
 
 def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
@@ -520,10 +523,17 @@ class Search:
         return cost(self.problem, path.base, path.accepted)
 
 
-def with_jitter(problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings) -> Finding:
+def with_jitter(
+    problem: Problem,
+    finding: Finding,
+    effects: Sequence[Effect],
+    settings: Settings,
+    held_out: Problem | None = None,
+) -> Finding:
     """The finding with a jitter of the sampling instants where the scatter or the stamps show one.
 
-    Where small causes grow, the errors are larger in motion, too, whatever the instants.
+    Where small causes grow, the errors are larger in motion, too, whatever the instants. A weak one has to show in the
+    held-out logs as well: the steps of an encoder do not scatter quite as noise does.
     """
     effect = next((effect for effect in effects if effect.name == JITTER), None)
     if effect is None:
@@ -531,6 +541,9 @@ def with_jitter(problem: Problem, finding: Finding, effects: Sequence[Effect], s
     cost, dt = float(np.log(finding.final.samples)), problem.sample_time
     for j in range(problem.joints):
         found = None if scatters(problem, finding.final.point, j) else jitter(problem, finding.final, j)
+        is_weak = found is not None and found.decrease < cost + settings.weak
+        if is_weak and held_out is not None and jitter(held_out, elsewhere(held_out, finding.final), j) is None:
+            found = None
         if problem.stamps is not None:
             found = Jitter(problem.stamps.error, problem.stamps.error / np.sqrt(2.0 * cost), problem.stamps.decrease)
         if found is None or found.decrease < cost + settings.threshold or found.rms < settings.jitter * dt:

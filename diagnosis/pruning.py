@@ -218,11 +218,17 @@ def general(
 
 def deviance(held_out: Problem, fitted: Fitted) -> float:
     """-2 log likelihood, up to a constant, of data that were not fitted: their innovations by the fit's own filter."""
-    point, joints = started(held_out, fitted.point, fitted.whitener), held_out.joints
-    innovation = on_logs(held_out, fitted.whitener)(errors(held_out, [point])[0]).reshape(joints, -1)
+    innovation = elsewhere(held_out, fitted).innovation.reshape(held_out.joints, -1)
     if not innovation.size:
         return 0.0
     return float(innovation.shape[1] * np.sum(np.log(np.mean(innovation**2, axis=1) + fitted.floor)))
+
+
+def elsewhere(held_out: Problem, fitted: Fitted) -> Fitted:
+    """The errors and innovations that a fit leaves on other logs, begun as these begin."""
+    point, whiten = started(held_out, fitted.point, fitted.whitener), on_logs(held_out, fitted.whitener)
+    error = errors(held_out, [point])[0]
+    return replace(fitted, point=point, error=error, whitener=whiten, innovation=whiten(error))
 
 
 def wald(base: Fitted, item: Accepted, spread: Array | None = None) -> float:

@@ -1149,6 +1149,25 @@ def test_no_jitter_is_read_off_where_small_causes_grow(monkeypatch: pytest.Monke
         assert [item.label for item in found.accepted] == named
 
 
+@pytest.mark.parametrize(
+    ("decrease", "shows", "named"), [(40.0, True, True), (40.0, False, False), (200.0, False, True)]
+)
+def test_a_weak_jitter_has_to_show_where_nobody_fitted(
+    decrease: float, shows: bool, named: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, held_out = jittering(2e-4), jittering(2e-4 if shows else 0.0)
+    fitted = fit_nominal(problem, (JointStructure(),))
+
+    def seen(where, fitted, joint):
+        found = jitter(where, fitted, joint)
+        return Jitter(2e-4, 2e-5, decrease) if where is problem else found
+
+    monkeypatch.setattr("diagnosis.engine.jitter", seen)
+    finding = Finding("none", fitted, (), fitted, (), ())
+    assert len(with_jitter(problem, finding, EFFECTS, Settings()).accepted) == 1
+    assert len(with_jitter(problem, finding, EFFECTS, Settings(), held_out).accepted) == named
+
+
 def test_jitter_makes_more_noise_where_the_joint_moves_faster() -> None:
     problem, rms = jittering(2e-4), 2e-4
     fitted = fit_nominal(problem, (JointStructure(),))

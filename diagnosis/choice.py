@@ -114,7 +114,8 @@ def choose(
     """The best hypothesis that is significant and material; among near equals the one with fewest parameters.
 
     accepted: effects that are there already, whose inexact laws a small further one may repair. least: decrease of
-    -2 log likelihood that noise alone can bring. A general form of a law that is there is how to repair it.
+    -2 log likelihood that noise alone can bring. A general form of a law that is there is how to repair it, and comes
+    first where it explains half as much as another effect would: the other one is still found beside it if it is there.
     """
     ranked = [s for s in ranked if is_resolved(problem, s) and is_steady(problem, s) and is_possible(problem, s)]
     ranked = textbook(ranked)
@@ -133,7 +134,8 @@ def choose(
         if s.evidence > (settings.weak if is_brief(problem, s) else settings.threshold)
         and (s.decrease >= top.decrease - margin or s.evidence >= best - settings.rival)
     ]
-    for scored in sorted(near, key=lambda s: (s.effect.size, -s.evidence)):
+    repairs = [s for s in ranked if law(s.start) in there and s.evidence > max(FORK * best, settings.threshold)]
+    for scored in sorted(repairs or near, key=lambda s: (s.effect.size, -s.evidence)):
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
         least_share = material

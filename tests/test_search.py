@@ -1208,6 +1208,26 @@ def test_a_general_form_that_is_back_in_its_simplest_stands_once() -> None:
     assert whole.scored.decrease == friction.scored.decrease + 7.0
 
 
+@pytest.mark.parametrize(("evidence", "chosen"), [(60.0, "rounded_coulomb_friction"), (40.0, "amplifier_offset")])
+def test_the_law_that_is_there_is_repaired_first(evidence: float, chosen: str) -> None:
+    """Where that explains half as much as another effect."""
+    problem = problem_of({"coulomb_friction": {"torque": 0.3}, "amplifier_offset": {"voltage": 0.1}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    there = accepted(problem, nominal, "coulomb_friction", [0.3])
+
+    def scored(name: str, values: list[float], evidence: float) -> Scored:
+        found = accepted(problem, there.scored.fitted, name, values).scored
+        return replace(found, decrease=evidence + found.price)
+
+    ranked = [
+        scored("amplifier_offset", [0.1], 100.0),
+        scored("rounded_coulomb_friction", [0.3, 0.02], evidence),
+    ]
+    best = choose(problem, ranked, Settings(), 0.0, [there])
+    assert best is not None
+    assert best.name == chosen
+
+
 def test_an_effect_at_the_end_of_its_range_stands_in_for_another_one() -> None:
     problem = problem_of({"encoder_eccentricity": {"sine": 0.05, "cosine": 0.02}})
     nominal = fit_nominal(problem, (JointStructure(),))

@@ -311,6 +311,10 @@ class Search:
                 complete = path.excess <= allowance(self.nominal, path.base)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
                 needed = max(needed, path.scattered)
+            repaired = self.repaired(path, candidates, explained)
+            if repaired is not None:
+                path = repaired
+                continue
             self.tell(f"looking for effect {len(path.accepted) + 1}")
             hopeless = partial(is_too_small, path.accepted, settings, explained)
             ranked = try_all(problem, path.base, candidates, needed=needed, is_hopeless=hopeless)
@@ -336,6 +340,24 @@ class Search:
                 break
             path = longer
         return path if path.left else replace(path, left=remainders(problem, path.base))
+
+    def repaired(self, path: Path, candidates: Sequence[tuple[Effect, int]], explained: float) -> Path | None:
+        """The path with a general form of a law that is there in its place, where that leaves nothing; None otherwise.
+
+        No other effect could do more, and all are sought beside it next.
+        """
+        if path.excess == 0.0:
+            return None
+        there = {(item.label, item.joint) for item in path.accepted}
+        forms = [(effect, j) for effect, j in candidates if (effect.label, j) in there and effect.neutral]
+        if not forms:
+            return None
+        self.tell("general forms of the laws that are there")
+        ranked = try_all(self.problem, path.base, forms, needed=self.settings.threshold)
+        chosen = choose(self.problem, ranked, self.settings, explained, path.accepted, least=path.scattered)
+        if chosen is None or any(left.excess > 0.0 for left in remainders(self.problem, chosen.scored.fitted)):
+            return None
+        return self.advanced(path, chosen)
 
     def beyond(self, path: Path) -> int:
         """Number of effects beyond the limit."""

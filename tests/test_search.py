@@ -1208,6 +1208,26 @@ def test_a_general_form_that_is_back_in_its_simplest_stands_once() -> None:
     assert whole.scored.decrease == friction.scored.decrease + 7.0
 
 
+@pytest.mark.parametrize("is_general", [True, False])
+def test_a_general_form_that_leaves_nothing_is_taken_before_all_others_are_tried(is_general: bool) -> None:
+    general, textbook = {"voltage": 0.5, "sharpness": 2.0}, {"voltage": 0.5}
+    law = (
+        {"gradual_dead_zone": general}
+        if is_general
+        else {"dead_zone": textbook, "quadratic_drag": {"coefficient": 0.1}}
+    )
+    noise, told = 1e-4 * np.random.default_rng(0).standard_normal(5000), []
+    problem = problem_of(law, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    few = [NAMED[name] for name in ("dead_zone", "gradual_dead_zone", "quadratic_drag")]
+    search = Search(problem, (JointStructure(),), few, Settings(), nominal, told.append)
+    item = accepted(problem, nominal, "dead_zone", [0.5])
+    path = replace(search.start, base=item.scored.fitted, accepted=(item,), present=frozenset({("dead_zone", 0)}))
+    assert {item.name for item in search.grown(path).accepted} == set(law)
+    assert told[:2] == ["general forms of the laws that are there", "looking for effect 2"]
+    assert told.count("looking for effect 2") == 1
+
+
 @pytest.mark.parametrize(("evidence", "chosen"), [(60.0, "rounded_coulomb_friction"), (40.0, "amplifier_offset")])
 def test_the_law_that_is_there_is_repaired_first(evidence: float, chosen: str) -> None:
     """Where that explains half as much as another effect."""

@@ -357,7 +357,9 @@ class Search:
         chosen = choose(self.problem, ranked, self.settings, explained, path.accepted, least=path.scattered)
         if chosen is None or any(left.excess > 0.0 for left in remainders(self.problem, chosen.scored.fitted)):
             return None
-        return self.advanced(path, chosen)
+        longer = self.advanced(path, chosen)
+        is_new = chosen.name in {item.name for item in longer.accepted if item.joint == chosen.joint}
+        return longer if is_new else None
 
     def beyond(self, path: Path) -> int:
         """Number of effects beyond the limit."""

@@ -33,6 +33,7 @@ RIVALS = ("#CC79A7", "#009E73", "#E69F00")
 LOGS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
 NARROW, WIDE = 3.5, 7.2  # in
 LEFT, BOTTOM = 0.62, 0.4  # margins that hold labels [in]
+LABEL = 0.16  # where the label of a vertical axis ends in a stack [in]
 LEGEND = 0.19  # height of one line of a legend [in]
 RANKED = 9
 """Hypotheses shown in a ranking."""
@@ -117,6 +118,8 @@ def stack(width: float, heights: Sequence[float], top: float = 0.12) -> tuple[Fi
         box = (LEFT / width, (top - height) / total, 1 - (LEFT + 0.1) / width, height / total)
         found.append(figure.add_axes(box, sharex=found[0] if found else None))
         top -= height + 0.1
+    for axes in found:  # clear of the widest tick labels of any
+        axes.yaxis.set_label_coords((LABEL - LEFT) / (width - LEFT - 0.1), 0.5)
     for axes in found[:-1]:
         axes.tick_params(labelbottom=False)
     return figure, found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from io import StringIO
 
 from diagnosis.quantities import measured, number, percent, plain, quantity, scale_for, title
@@ -58,8 +59,13 @@ def joint_sentence(joint: JointResult, gap: Gap | None) -> str:
     return plain(f"Joint {joint.joint}: {_finding(joint, gap)}.")
 
 
+def listed(parts: Sequence[str]) -> str:
+    """``a, b and c``."""
+    return " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
+
+
 def _finding(joint: JointResult, gap: Gap | None) -> str:
-    named = " and ".join(describe(effect) for effect in joint.effects)
+    named = listed([describe(effect) for effect in joint.effects])
     plural = len(joint.effects) > 1
     adding = f"adding {'them' if plural else 'it'} {gain(gap)}" if gap else ""
     if joint.verdict == "none":

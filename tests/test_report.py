@@ -38,7 +38,7 @@ from diagnosis.result import (
     SignalDependence,
     Spectrum,
 )
-from diagnosis.text import describe, gain, joint_sentence, table
+from diagnosis.text import describe, gain, joint_sentence, listed, table
 from methods.effects import built_in
 
 HOSTILE = '<script>alert("1")</script> $x_{ & \' "onmouseover="x'
@@ -411,3 +411,7 @@ def test_a_simulation_that_runs_away_is_said_and_not_measured() -> None:
     assert simulated(away, away)[:2] == (None, None)
     words = gain(Gap(1, "rad", 0.04, 4e5, 0.001, None, None, "held-out"))
     assert words == "makes the simulation run away on the held-out logs"
+
+
+def test_names_are_listed_as_in_a_sentence() -> None:
+    assert [listed("abc"[:count]) for count in range(4)] == ["", "a", "a and b", "a, b and c"]

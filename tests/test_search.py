@@ -705,16 +705,17 @@ def test_effects_of_the_whole_band_stay_where_they_do_better_in_the_band_of_the_
     noise = 2e-3 * np.random.default_rng(0).standard_normal(15_000)
     problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.2}}, noise, 30.0)], (1,))
     nominal = fit_nominal(problem, (JointStructure(),))
+    left = (remainder(problem, nominal, 0),)
 
     def found(whole: str, banded: str, apart: Problem | None = None) -> Finding:
         def concluded(search: Search, path: Path, held_out: Problem | None = None) -> Finding:
             base = search.nominal
             item = accepted(search.problem, base, whole if search.problem is problem else banded, [0.1])
-            final, left = item.scored.fitted, (remainder(problem, nominal, 0),)
+            final = item.scored.fitted
             return Finding("unknown", base, (item,), final, left, (base, final))
 
         monkeypatch.setattr(Search, "concluded", concluded)
-        monkeypatch.setattr(Search, "grown", lambda search, path: replace(path, left=(remainder(problem, nominal, 0),)))
+        monkeypatch.setattr(Search, "grown", lambda search, path, **known: replace(path, left=left))
         return find(problem, (JointStructure(),), EFFECTS, held_out=apart)
 
     kept, narrowed = found("coulomb_friction", "quadratic_drag"), found("quadratic_drag", "coulomb_friction")

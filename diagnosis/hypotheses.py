@@ -138,8 +138,11 @@ def has_wave(problem: Problem, point: Point, joint: int) -> bool:
     return any(map(is_wave, compress(problem.kernel.effects, point.switches[joint])))
 
 
-def withdraw(problem: Problem, point: Point, name: str, joint: int) -> Point:
-    """The model without an effect; the inverse of `extend`."""
+def withdraw(problem: Problem, point: Point, name: str, joint: int, *, divided: bool = False) -> Point:
+    """The model without an effect; the inverse of `extend`.
+
+    divided: mechanical damping and back-EMF stay two parameters, whatever effects are withdrawn later.
+    """
     switches = point.switches.copy()
     switches[joint, problem.kernel.switches[name]] = False
     free = [f for f in point.free if not (f.name.startswith(f"{name}.") and f.joint == joint)]
@@ -148,7 +151,9 @@ def withdraw(problem: Problem, point: Point, name: str, joint: int) -> Point:
     left = [effect for effect, on in zip(problem.kernel.effects, switches[joint], strict=True) if on]
     parameters = point.parameters
     shared = next((f for f in free if f.name == f"{VISCOUS}@{joint}" and np.isfinite(f.deviation)), None)
-    if shared is not None and not any(effect.has_motor_torque for effect in left):
+    if shared is not None and divided:
+        free[free.index(shared)] = replace(shared, deviation=np.inf)
+    elif shared is not None and not any(effect.has_motor_torque for effect in left):
         parameters = parameters.copy()  # the damping as a whole stays
         moved = parameters[:, joint, shared.column] - shared.centre
         parameters[:, joint, shared.column] -= moved

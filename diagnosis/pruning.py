@@ -35,6 +35,7 @@ def prune(
 ) -> tuple[list[Accepted], Fitted]:
     """Drop effects that the others, or a better fit without them, made superfluous.
 
+    What an effect of the motor torque tells of mechanical damping and back-EMF may be all that it is still there for.
     sure: Wald statistic, over the least cost of a removal, from which an effect is not asked.
     """
     changed = bool(accepted)
@@ -43,8 +44,11 @@ def prune(
         for item in accepted:
             if wald(base, item) > sure * (item.scored.price + settings.threshold):
                 continue
+            allowed = base.criterion + item.scored.price + settings.threshold
             smaller = without(problem, base, item)
-            if smaller.criterion - base.criterion < item.scored.price + settings.threshold:
+            if smaller.criterion >= allowed and item.effect.has_motor_torque:
+                smaller = without(problem, base, item, divided=True)
+            if smaller.criterion < allowed:
                 accepted = [other for other in accepted if other is not item]
                 base, changed = smaller, bool(accepted)
                 break
@@ -300,7 +304,7 @@ def _weakest(problem: Problem, base: Fitted, accepted: Sequence[Accepted]) -> tu
     return item, best.criterion - base.criterion, best
 
 
-def without(problem: Problem, base: Fitted, item: Accepted) -> Fitted:
-    """The model refitted without one of its effects."""
-    point = undivided(problem, withdraw(problem, base.point, item.name, item.joint))
+def without(problem: Problem, base: Fitted, item: Accepted, *, divided: bool = False) -> Fitted:
+    """The model refitted without one of its effects; divided: see `diagnosis.hypotheses.withdraw`."""
+    point = undivided(problem, withdraw(problem, base.point, item.name, item.joint, divided=divided))
     return fit(problem, point, rounds=2, iterations=4, tolerance=1e-4)

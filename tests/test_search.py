@@ -36,7 +36,7 @@ from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.other_bases import also_from_regression, also_without_limits, settled_anew
 from diagnosis.problem import Problem, Work, evenly, stack
-from diagnosis.pruning import general, merged, merged_afterwards, unified
+from diagnosis.pruning import general, merged, merged_afterwards, prune, unified
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, shows_blows
 from diagnosis.replay import imitated_floor, noise_floor, transfer
@@ -1227,6 +1227,25 @@ def test_a_general_form_that_leaves_nothing_is_taken_before_all_others_are_tried
     assert {item.name for item in search.grown(path).accepted} == set(law)
     assert told[:2] == ["general forms of the laws that are there", "looking for effect 2"]
     assert told.count("looking for effect 2") == 1
+
+
+def test_what_an_effect_told_of_the_damping_stays_where_that_was_all() -> None:
+    """Beside dry friction and a winding that lags, viscous friction is not back-EMF."""
+    divided = {"inertia": 0.07, "viscous": 0.4, "back_emf": 0.4, "electrical_time_constant": 0.02}
+    problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.3}}, nominal=divided)], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    friction = accepted(problem, nominal, "coulomb_friction", [0.3]).scored.fitted
+    assert "viscous@0" not in free(problem, friction.point)
+    item = accepted(problem, friction, "load_dependent_friction", [0.001])
+    fitted = item.scored.fitted
+    assert fitted.criterion < friction.criterion - 1000.0
+    left, base = prune(problem, [item], fitted, Settings())
+    assert left == []
+    assert base.criterion < fitted.criterion + 22.0
+    assert base.point.value("viscous@0") == pytest.approx(0.4, rel=0.05)
+    other = Hypothesis(NAMED["cable_spring"], 0)
+    again = withdraw(problem, extend(problem, base.point, other, np.zeros((1, 2))), "cable_spring", 0)
+    assert "viscous@0" in free(problem, again)
 
 
 @pytest.mark.parametrize(("evidence", "chosen"), [(60.0, "rounded_coulomb_friction"), (40.0, "amplifier_offset")])

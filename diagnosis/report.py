@@ -29,7 +29,7 @@ from diagnosis.result import (
     Series,
     SignalDependence,
 )
-from diagnosis.text import joint_sentence
+from diagnosis.text import enumerated, joint_sentence
 
 SIGNIFICANT = 1e-3
 """p-value below which the remainder counts as dependent on a signal."""
@@ -238,11 +238,6 @@ def relative_deviation(parameter: NominalParameter) -> float:
     """Standard deviation of a nominal parameter as a share of its value."""
     value = abs(parameter.final.value)
     return parameter.final.std / value if value > 0 else math.inf
-
-
-def enumerated(items: Sequence[str]) -> str:
-    """``a, b and c``."""
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}"
 
 
 def p_value(p: float) -> str:

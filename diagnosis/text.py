@@ -59,13 +59,13 @@ def joint_sentence(joint: JointResult, gap: Gap | None) -> str:
     return plain(f"Joint {joint.joint}: {_finding(joint, gap)}.")
 
 
-def listed(parts: Sequence[str]) -> str:
+def enumerated(items: Sequence[str]) -> str:
     """``a, b and c``."""
-    return " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
+    return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
 
 
 def _finding(joint: JointResult, gap: Gap | None) -> str:
-    named = listed([describe(effect) for effect in joint.effects])
+    named = enumerated([describe(effect) for effect in joint.effects])
     plural = len(joint.effects) > 1
     adding = f"adding {'them' if plural else 'it'} {gain(gap)}" if gap else ""
     if joint.verdict == "none":

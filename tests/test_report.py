@@ -38,7 +38,7 @@ from diagnosis.result import (
     SignalDependence,
     Spectrum,
 )
-from diagnosis.text import describe, gain, joint_sentence, listed, table
+from diagnosis.text import describe, enumerated, gain, joint_sentence, table
 from methods.effects import built_in
 
 HOSTILE = '<script>alert("1")</script> $x_{ & \' "onmouseover="x'
@@ -414,4 +414,4 @@ def test_a_simulation_that_runs_away_is_said_and_not_measured() -> None:
 
 
 def test_names_are_listed_as_in_a_sentence() -> None:
-    assert [listed("abc"[:count]) for count in range(4)] == ["", "a", "a and b", "a, b and c"]
+    assert [enumerated("abc"[:count]) for count in range(4)] == ["", "a", "a and b", "a, b and c"]

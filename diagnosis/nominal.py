@@ -258,6 +258,13 @@ def without_limits(problem: Problem, fitted: Fitted) -> Fitted | None:
     return fit(problem, replace(fitted.point, parameters=parameters), rounds=3, iterations=12)
 
 
+def with_limit(point: Point, joint: int, limit: float) -> Point:
+    """The point with another torque limit of a joint; 0: none."""
+    parameters = point.parameters.copy()
+    parameters[:, joint, COLUMN["torque_limit"]] = limit
+    return replace(point, parameters=parameters)
+
+
 def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStructure, ...]) -> Fitted:
     """The fit with every stated torque limit either acting or not, whichever the logs say now.
 
@@ -271,9 +278,8 @@ def limits_settled(problem: Problem, fitted: Fitted, structures: tuple[JointStru
         if np.max(np.abs(torque)) < structure.torque_limit:
             continue
         acts = fitted.point.parameters[0, j, column] > 0.0
-        parameters = fitted.point.parameters.copy()
-        parameters[:, j, column] = 0.0 if acts else structure.torque_limit
-        other = _promising(problem, replace(fitted.point, parameters=parameters), fitted, FAR, rounds=2, iterations=8)
+        point = with_limit(fitted.point, j, 0.0 if acts else structure.torque_limit)
+        other = _promising(problem, point, fitted, FAR, rounds=2, iterations=8)
         if other.criterion < fitted.criterion:
             fitted = other
     return fitted

@@ -9,7 +9,7 @@ import numpy as np
 
 from diagnosis.estimation import Fitted, predicted_motion
 from diagnosis.finding import Finding
-from diagnosis.nominal import COLUMN, JointStructure
+from diagnosis.nominal import JointStructure, with_limit
 from diagnosis.problem import Problem
 from diagnosis.pruning import deviance
 
@@ -30,14 +30,14 @@ def limits_decided(
     for j, structure in enumerate(structures):
         if structure.torque_limit == 0.0 or _is_reached(problem, finding.final, j, structure.torque_limit):
             continue
-        free, limited = (_with_limit(finding.final, j, limit) for limit in (0.0, structure.torque_limit))
+        free, limited = (_limited(finding.final, j, limit) for limit in (0.0, structure.torque_limit))
         gained = deviance(held_out, free) - deviance(held_out, limited)
         if abs(gained) < threshold:
             continue
         chosen[j] = gained > 0.0
         limit = structure.torque_limit if chosen[j] else 0.0
         nominal, final, *steps = (
-            fitted if _is_reached(problem, fitted, j, structure.torque_limit) else _with_limit(fitted, j, limit)
+            fitted if _is_reached(problem, fitted, j, structure.torque_limit) else _limited(fitted, j, limit)
             for fitted in (finding.nominal, finding.final, *finding.steps)
         )
         finding = replace(finding, nominal=nominal, final=final, steps=tuple(steps))
@@ -49,7 +49,5 @@ def _is_reached(problem: Problem, fitted: Fitted, joint: int, limit: float) -> b
     return bool(np.max(np.abs(torque)) >= REACHED * limit)
 
 
-def _with_limit(fitted: Fitted, joint: int, limit: float) -> Fitted:
-    parameters = fitted.point.parameters.copy()
-    parameters[:, joint, COLUMN["torque_limit"]] = limit
-    return replace(fitted, point=replace(fitted.point, parameters=parameters))
+def _limited(fitted: Fitted, joint: int, limit: float) -> Fitted:
+    return replace(fitted, point=with_limit(fitted.point, joint, limit))

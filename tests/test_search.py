@@ -1203,10 +1203,14 @@ def test_a_general_form_that_is_back_in_its_simplest_stands_once() -> None:
     problem = problem_of({"coulomb_friction": {"torque": 0.2}})
     nominal = fit_nominal(problem, (JointStructure(),))
     friction = accepted(problem, nominal, "coulomb_friction", [0.2])
-    again = replace(friction, scored=replace(friction.scored, decrease=7.0))
+    first = (Ranked("quadratic_drag", 0, 50.0, 9.0), Ranked("coulomb_friction", 0, friction.scored.decrease, 9.0))
+    friction = replace(friction, considered=first)
+    again = replace(friction, scored=replace(friction.scored, decrease=7.0), considered=())
     left, whole = merged(problem, [friction], again, Settings())
     assert left == []
     assert whole.scored.decrease == friction.scored.decrease + 7.0
+    own = Ranked("coulomb_friction", 0, whole.scored.decrease, whole.scored.price)
+    assert whole.considered == (own, first[0])  # it was compared with the others only where the first one was
 
 
 @pytest.mark.parametrize("is_general", [True, False])

@@ -29,6 +29,7 @@ from diagnosis.lags import instead_of_winding
 from diagnosis.ledger import WINDOW, Step, failures, floor_of, gap, given_point, rows, steps
 from diagnosis.next_experiment import Range, next_experiment
 from diagnosis.nominal import JointStructure, settle_stamps
+from diagnosis.open_laws import left_open
 from diagnosis.output import to_json
 from diagnosis.parameters import JointUnits, effect_parameters, joint_units, nominal_parameters
 from diagnosis.partial_residual import partial_residuals
@@ -43,6 +44,7 @@ from diagnosis.preparation import (
     recordings,
 )
 from diagnosis.problem import LIMIT, Problem, in_band, segments, smooth_derivatives, stack
+from diagnosis.quantities import title
 from diagnosis.replay import input_equivalent, replay
 from diagnosis.report import render
 from diagnosis.result import (
@@ -88,6 +90,7 @@ class Solved:
     """One problem (a joint, or a coupled pair) from logs to ledger; `no_compensator` says why there is none.
 
     failing: by index the joints whose model does not hold on the held-out logs though nothing was left to explain.
+    left_open: by index the laws that go on there in a way that the fitted logs do not tell, and by how much they err.
     rest: where the torques of the rest of the arm are from, or why they are missing. limits: by index the joints whose
     stated torque limit is reached in the held-out logs only, and whether it acts there.
     """
@@ -104,6 +107,7 @@ class Solved:
     failing: Mapping[int, Failure] = field(default_factory=dict)
     rest: str = ""
     limits: Mapping[int, bool] = field(default_factory=dict)
+    left_open: Mapping[int, tuple[str, Failure]] = field(default_factory=dict)
 
     @property
     def verdict(self) -> Verdict:
@@ -191,7 +195,7 @@ def diagnose(
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
-            solved_notes = (timing_said, growth_said, lags_said, winding_said, limit_said, budget_said)
+            solved_notes = (timing_said, growth_said, lags_said, winding_said, limit_said, open_law_said, budget_said)
             notes = (scale_said(result), *(said(solved, j) for said in solved_notes))
             findings += filter(None, notes)
         if solved.rest:
@@ -338,6 +342,18 @@ def limit_said(solved: Solved, j: int) -> str:
     )
 
 
+def open_law_said(solved: Solved, j: int) -> str:
+    """That the fitted logs do not tell how a law goes on where the held-out ones are; nothing otherwise."""
+    if j not in solved.left_open:
+        return ""
+    law, failure = solved.left_open[j]
+    return (
+        f"joint {solved.joints[j]}: the fitted logs leave open how the {title(law)} goes on in the range of the "
+        f"held-out ones: there the model errs {failure}, and a more general form of that law no more than it is "
+        "uncertain. Fit logs of that range, too"
+    )
+
+
 def is_determined(effect: NamedEffect) -> bool:
     """Whether the logs determine any parameter of an effect with several: one of which they tell nothing but that it
     explains something stands for another one."""
@@ -456,6 +472,7 @@ def solve(
         given = given_point(finding.nominal, 0, given_numbers(read.robot, group[0], first))
     ledger = steps(problem, held_out, finding, given)
     failing = failures(problem, held_out, finding, ledger)
+    laws = left_open(problem, held_out, finding, ledger, failing, effects)
     tell(f"{name}: a network for the remainder")
     networks, reason = compensators(read.fitted, problem, finding, group, np.random.default_rng(0))
     if any(networks):
@@ -464,7 +481,19 @@ def solve(
     seconds["search"] = seconds.get("search", 0.0) + found - started
     seconds["ledger"] = seconds.get("ledger", 0.0) + clock.perf_counter() - found
     return Solved(
-        group, structures, units, problem, held_out, finding, tuple(ledger), networks, reason, failing, rest, limits
+        group,
+        structures,
+        units,
+        problem,
+        held_out,
+        finding,
+        tuple(ledger),
+        networks,
+        reason,
+        {j: failure for j, failure in failing.items() if j not in laws},
+        rest,
+        limits,
+        {j: (law, failing[j]) for j, law in laws.items()},
     )
 
 

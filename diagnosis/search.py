@@ -512,12 +512,13 @@ def containing(problem: Problem, base: Fitted, points: Sequence[Point]) -> Fitte
     """The best fit, from several points, of a form that contains the one in the model.
 
     It cannot do worse than that. Where it seems to, the filter takes slow errors for noise, and it is fitted to the
-    errors as they are.
+    errors as they are, and with the filter of the other form.
     """
     best = min((fit(problem, p, rounds=1, iterations=6) for p in points), key=lambda fitted: fitted.criterion)
     if best.criterion <= base.criterion:
         return best
-    return min(best, free_of_filter(problem, points[-1]), key=lambda fitted: fitted.criterion)
+    others = free_of_filter(problem, points[-1]), fit(problem, points[-1], base.whitener)
+    return min(best, *others, key=lambda fitted: fitted.criterion)
 
 
 def resolved(effect: Effect, values: Array, size: Scales) -> bool:

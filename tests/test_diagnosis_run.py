@@ -44,7 +44,17 @@ from diagnosis.result import (
     NominalParameter,
     ParameterEstimate,
 )
-from diagnosis.run import Solved, check_turns, diagnose, is_determined, joint_title, scale_said, solve, together_said
+from diagnosis.run import (
+    Solved,
+    check_turns,
+    diagnose,
+    is_determined,
+    joint_title,
+    open_law_said,
+    scale_said,
+    solve,
+    together_said,
+)
 from diagnosis.settings import Settings
 from envs.adeptone import adeptone as adept_robot
 from envs.excitation import parse
@@ -68,13 +78,16 @@ def model_of(effects: dict[str, dict[str, float]], **others: object) -> Structur
     return StructuredModel((StructuredJoint(1, "voltage", NOMINAL, effects, **others),), DT)  # type: ignore[arg-type]
 
 
-def recorded(model: StructuredModel, seed: int, seconds: float = 8.0) -> Log:
+def recorded(model: StructuredModel, seed: int, seconds: float = 8.0, amplitude: float = 1.5) -> Log:
     """A log of the model under a multisine, encoder steps included."""
     time = DT * np.arange(round(seconds / DT))
     rng = np.random.default_rng(seed)
     joints = model.joints
     command = np.column_stack(
-        [parse("multisine:amplitude=1.5,band=0.3-12,period=4,joints=1").sample(time, rng)[:, 0] for _ in joints]
+        [
+            parse(f"multisine:amplitude={amplitude},band=0.3-12,period=4,joints=1").sample(time, rng)[:, 0]
+            for _ in joints
+        ]
     )
     position = model.simulate(time, command, State.at_rest(np.zeros(len(joints)))).position
     return Log(
@@ -745,6 +758,31 @@ def test_a_law_that_fails_on_held_out_logs_is_not_the_right_one() -> None:
     assert joint.fails_by.times == pytest.approx(gap.after / gap.noise_floor, rel=0.1)
     assert joint.fails_by.times > 2.0
     assert f"errs {joint.fails_by.times:.2g} times as much as noise accounts for" in failing.sentence
+
+
+def test_a_law_may_go_on_in_any_way_that_the_fitted_logs_leave_open() -> None:
+    """Small currents do not tell how the iron saturates at ten times as much; that nothing rubs they do."""
+    early = {"torque_constant_saturation_power": {"coefficient": 0.3, "exponent": 0.4}}
+    iron, other = model_of(early), model_of(early | {"coulomb_friction": {"torque": 0.3}})
+    wanted = ("torque_constant_saturation", "torque_constant_saturation_power")
+    fitted = [recorded(iron, seed, amplitude=0.15) for seed in (1, 2)]
+
+    def solved_on(model: StructuredModel) -> Solved:
+        return solved_of(arrange(fitted, [recorded(model, 3, amplitude=1.5)], None), *wanted)
+
+    same, drier = solved_on(iron), solved_on(other)
+    assert [item.name for item in same.finding.accepted] == [wanted[0]]
+    assert not same.failing
+    law, failure = same.left_open[0]
+    assert law == "torque_constant_saturation"
+    assert failure.noise
+    assert failure.times > 2.0
+    assert same.verdict == "named"
+    said = open_law_said(same, 0)
+    assert said.startswith("joint 1: the fitted logs leave open how the torque constant saturation goes on")
+    assert drier.verdict == "unknown"
+    assert not drier.left_open
+    assert not open_law_said(drier, 0)
 
 
 def test_rivals_that_fail_stay_in_the_table() -> None:

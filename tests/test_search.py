@@ -1359,18 +1359,24 @@ def test_a_fine_encoder_is_seen_on_a_long_way() -> None:
 def test_a_form_that_contains_another_cannot_do_worse(
     monkeypatch: pytest.MonkeyPatch, plain_fit: float, asked: bool
 ) -> None:
-    """Where it seems to, the errors as they are decide."""
-    freed = []
+    """Where it seems to, the errors as they are decide, or what the other form's filter leaves of them."""
+    freed, filters = [], []
 
     def free(problem, point):
         freed.append(point)
-        return SimpleNamespace(criterion=2.0)
+        return SimpleNamespace(criterion=2.5)
 
-    monkeypatch.setattr("diagnosis.search.fit", lambda problem, point, **rest: SimpleNamespace(criterion=plain_fit))
+    def fit(problem, point, filter_=None, **rest):
+        filters.append(filter_)
+        return SimpleNamespace(criterion=plain_fit if filter_ is None else 2.0)
+
+    monkeypatch.setattr("diagnosis.search.fit", fit)
     monkeypatch.setattr("diagnosis.search.free_of_filter", free)
-    found = containing(None, SimpleNamespace(criterion=3.0), ["best", "same"])  # type: ignore[arg-type, list-item]
+    base = SimpleNamespace(criterion=3.0, whitener="its own")
+    found = containing(None, base, ["best", "same"])  # type: ignore[arg-type, list-item]
     assert found.criterion == min(plain_fit, 2.0)
     assert freed == (["same"] if asked else [])
+    assert filters == [None, None, *(["its own"] if asked else [])]
 
 
 def test_a_fit_goes_on_in_turns_as_long_as_that_finds_better(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -159,15 +159,18 @@ def least_beside(
 ) -> float:
     """Least torque, as a share of the command's rms, of a small further effect beside others of the same joint.
 
-    It may only make up for an inexact law of one of them. What follows the position and what follows the motor do not
-    stand in for each other where the evidence is strong.
+    It may only make up for an inexact law of one of them, all the more where the evidence is weak and both follow the
+    same signal. What follows the position and what follows the motor do not stand in for each other where the evidence
+    is strong.
     """
     beside = [item.effect for item in accepted if item.joint == joint]
-    own = DRIVEN_BY.get(effect.variable) if evidence > settings.weak else None
+    is_weak = evidence <= settings.weak
+    own = None if is_weak else DRIVEN_BY.get(effect.variable)
     others = [DRIVEN_BY.get(other.variable) for other in beside]
     if not any(own is None or other is None or own == other for other in others):
         return settings.material if accepted else settings.faint
-    return (1.0 if any(other.scatters for other in beside) else 0.5) * settings.relevant
+    doubtful = any(other.scatters or (is_weak and other.variable == effect.variable) for other in beside)
+    return (1.0 if doubtful else 0.5) * settings.relevant
 
 
 def is_too_small(accepted: Sequence[Accepted], settings: Settings, explained: float, start: Start) -> bool:

@@ -28,7 +28,8 @@ class Settings:
     instants as a share of the interval. patched: evidence of what was refused for its size, as a share of what was
     explained, above which something unknown must be there. relevant: torque of what stays
     unexplained, as a share of the command's rms, below which it is put down to integrators and inexact laws; a further
-    effect needs half of that, or all beside one in which small causes grow. inexact: share of what was explained above
+    effect needs half of that, or all beside one in which small causes grow and, where it is weak, beside one that
+    follows the same signal. inexact: share of what was explained above
     which no such excuse holds, unless the torque stays below `seen`: rounding is not quite noise.
     budget: simulations of all logs, of each joint by itself, after which no other ways are tried; after twice as many
     no further effects are sought. It is that of logs with `LENGTH` samples; of others more or fewer, in proportion.

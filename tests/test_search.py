@@ -1065,6 +1065,7 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     assert least(wave, "position", 1e3) == 0.5 * Settings().relevant
     assert least(wave, "motor torque", 1e3) == Settings().material
     assert least(wave, "motor torque", 50.0) == 0.5 * Settings().relevant
+    assert least(wave, wave.variable, 50.0) == Settings().relevant
     assert least(NAMED["amplifier_offset"], "motor torque", 1e3) == 0.5 * Settings().relevant
 
 

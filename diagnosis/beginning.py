@@ -1,7 +1,9 @@
-"""The state in which a log begins, as far as its readings do not show it: velocities, the twist of a spring or a play.
+"""The state in which a log begins, as far as its readings do not show it: velocities, the twist of a spring or a play,
+the heat of a winding.
 
-Machines begin at rest, as a rule, an arm hanging in its spring; simulators often do not, and logs may be cut out of
-longer ones. A lightly damped spring remembers that for longer than the burn-in.
+Machines begin at rest, as a rule, an arm hanging in its spring and a motor cold; simulators often do not, a motor that
+has just worked is warm, and logs may be cut out of longer ones. A lightly damped spring remembers that for longer than
+the burn-in, and a winding for as long as it takes to cool down.
 """
 
 from __future__ import annotations
@@ -20,11 +22,15 @@ from diagnosis.whitening import Whitener, on_logs
 from envs.log import Array
 from methods.kernel import BEGINNING, NOMINAL
 
-VELOCITY, TWIST, TWIST_RATE = (BEGINNING.index(name) for name in ("velocity", "twist", "twist rate"))
+VELOCITY, TWIST, TWIST_RATE, HEAT = (BEGINNING.index(name) for name in ("velocity", "twist", "twist rate", "heat"))
+WARMS = "thermal_drift"
+"""The effect that heats the winding."""
+LEAST_RISE = 1e-3
+"""Relative rise of resistance that a winding may have at least."""
 SMALL = 0.01
 """Change of a state, as a share of its typical size, by which the response to it is taken."""
 WORTHWHILE = 2.0
-"""Least decrease of -2 log likelihood per twist."""
+"""Least decrease of -2 log likelihood per state."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +64,24 @@ def twists(problem: Problem, point: Point) -> Iterator[Hidden]:
             yield Hidden(j, TWIST_RATE, frequency * size)
 
 
-def twists_settled(problem: Problem, fitted: Fitted) -> Fitted:
-    """The fit with the twists of springs and plays at the beginning of every log free, where that does better.
+def heats(problem: Problem, point: Point) -> Iterator[Hidden]:
+    """The relative rise of resistance of every joint whose winding drifts, of the size that it has in the end."""
+    for j in range(problem.joints):
+        for effect in problem.kernel.effects:
+            if effect.label == WARMS and point.switches[j, problem.kernel.switches[effect.name]]:
+                rise = float(point.parameters[0, j, problem.kernel.column(effect, "resistance_rise")])
+                yield Hidden(j, HEAT, max(abs(rise), LEAST_RISE))
+
+
+def unread(problem: Problem, point: Point) -> Iterator[Hidden]:
+    """All states at the beginning of logs that no reading shows."""
+    yield from twists(problem, point)
+    yield from heats(problem, point)
+
+
+def beginnings_settled(problem: Problem, fitted: Fitted) -> Fitted:
+    """The fit with the twists of springs and plays and the heat of windings at the beginning of every log free, where
+    that does better.
 
     Their prior is all that they cost: they are no properties of the machine. Begun with the errors as they are, since
     the filter takes for noise what swings in all logs alike.
@@ -67,7 +89,7 @@ def twists_settled(problem: Problem, fitted: Fitted) -> Fitted:
     point, names = fitted.point, {f.name for f in fitted.point.free}
     free = [
         Free(name, "start", item.joint, item.column, item.size, log=log, deviation=item.size)
-        for item in twists(problem, point)
+        for item in unread(problem, point)
         for log in range(problem.logs)
         if (name := f"{BEGINNING[item.column]}@{item.joint}#{log}") not in names
     ]
@@ -84,12 +106,12 @@ def started(problem: Problem, point: Point, filter_: Whitener) -> Point:
 
 
 def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
-    """The point with the velocities and twists at the beginning of these logs that their readings tell beside the
-    model.
+    """The point with the velocities, twists and heats at the beginning of these logs that their readings tell beside
+    the model.
 
     The velocities of `transfer` are smoothed over a stretch in which a command that sets in at once may have changed
     them by much. Here the whitened prediction errors of a log are regressed on the responses to other states, each
-    known beforehand: velocities as `start_deviation` says, twists by their typical size.
+    known beforehand: velocities as `start_deviation` says, the others by their typical size.
     """
     whiten, states = on_logs(problem, filter_), pushes(problem, point)
     size = SMALL * np.array([item.size for item in states])
@@ -111,7 +133,7 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
 def pushes(problem: Problem, point: Point) -> list[Hidden]:
     """All states at the beginning of logs that readings show badly or not at all."""
     speeds = np.std(problem.velocity, axis=0).tolist()
-    return [*(Hidden(j, VELOCITY, speed) for j, speed in enumerate(speeds)), *twists(problem, point)]
+    return [*(Hidden(j, VELOCITY, speed) for j, speed in enumerate(speeds)), *unread(problem, point)]
 
 
 def pushed(point: Point, states: Sequence[Hidden]) -> list[Point]:

@@ -125,6 +125,7 @@ def choose(
     material = settings.material if accepted else settings.faint
     margin = max(settings.rival, 0.02 * top.decrease)
     there = {(item.label, item.joint) for item in accepted}
+    forms = {(item.name, item.joint) for item in accepted}
     if top.decrease < max(0.0 if law(top.start) in there else settings.minor * explained, least):
         return None
     best = max(s.evidence for s in ranked)
@@ -134,7 +135,13 @@ def choose(
         if s.evidence > (settings.weak if is_brief(problem, s) else settings.threshold)
         and (s.decrease >= top.decrease - margin or s.evidence >= best - settings.rival)
     ]
-    repairs = [s for s in ranked if law(s.start) in there and s.evidence > max(FORK * best, settings.threshold)]
+    repairs = [
+        s
+        for s in ranked
+        if s.evidence > max(FORK * best, settings.threshold)
+        and any((name, s.start.hypothesis.joint) in forms for name in s.effect.includes)
+        and law(s.start) in there
+    ]
     for scored in sorted(repairs or near, key=lambda s: (s.effect.size, -s.evidence)):
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)

@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from diagnosis.arm_damping import arm_damping_settled
-from diagnosis.beginning import twists_settled
+from diagnosis.beginning import beginnings_settled
 from diagnosis.choice import (
     FORK,
     LAG,
@@ -390,7 +390,7 @@ class Search:
         accepted, chosen = merged(problem, accepted, chosen, settings)
         accepted.append(chosen)
         base = limits_settled(problem, chosen.scored.fitted, self.structures)
-        base = arm_damping_settled(problem, twists_settled(problem, base))
+        base = arm_damping_settled(problem, beginnings_settled(problem, base))
         base = timing_settled(problem, windings_settled(problem, base))
         accepted, base = recurrences_settled(problem, accepted, following_settled(problem, base))
         steps = (*path.steps, base)

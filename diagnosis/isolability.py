@@ -34,19 +34,23 @@ SHAPES = 2
 """Trial shapes per effect: the easiest and the hardest to see of its starting values bound the answer."""
 TYPICAL = 0.05
 """Share of the command's rms that an effect's torque has when two effects are asked to be told apart."""
+ROUNDING = 1e-9
+"""Share of a response's energy below which what the nominal parameters leave of it is what arithmetic leaves."""
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
     """What one effect at trial size does: whitened columns (K, N) in standard deviations, freed of the nominal ones.
 
-    direction: their sum, the response at the trial size. share: its torque relative to the command's rms.
+    direction: their sum, the response at the trial size. share: its torque relative to the command's rms. whole: the
+    energy of the response before it was freed.
     """
 
     effect: Effect
     columns: Array
     direction: Array
     share: float
+    whole: float
 
     @property
     def energy(self) -> float:
@@ -73,7 +77,7 @@ def isolability(
         if effect.name in named:
             continue
         response = best.get(effect.name)
-        if response is None or not response.energy > 0.0:
+        if response is None or not response.energy > ROUNDING * response.whole:
             rows.append(Isolability(effect.name, joint, None, None, None, None))
             continue
         price = effect.size * np.log(count)
@@ -143,8 +147,9 @@ def responses(part: Problem, base: Fitted, effects: Sequence[Effect], j: int) ->
         at += len(singles)
         if not np.all(np.isfinite(difference[own])) or np.max(np.abs(difference[own])) > 1e5:
             continue
-        total = difference[own].sum(axis=0)[part.used, j]
-        found.append(Response(effect, freed[own], freed[own].sum(axis=0), 0.01 * _rms(total) / max(reference, 1e-300)))
+        share = 0.01 * _rms(difference[own].sum(axis=0)[part.used, j]) / max(reference, 1e-300)
+        direction, whole = freed[own].sum(axis=0), float(np.sum(whitened[own].sum(axis=0) ** 2))
+        found.append(Response(effect, freed[own], direction, share, whole))
     return found
 
 

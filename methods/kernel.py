@@ -90,9 +90,10 @@ _compiling = threading.Lock()
 STATES = 8
 """States of a joint: angle, velocity, motor torque, command behind the amplifier's lag, relative rise of resistance,
 angle and velocity of the arm, what the laws of the motor's position add to it."""
-BEGINNING = ("angle", "velocity", "motor torque", "twist", "twist rate")
-"""What a joint begins a log with: angle and velocity of the encoder's side, motor torque, and by how much the motor's
-angle and velocity exceed the arm's where there is a spring or a play, beyond the twist in which the arm hangs."""
+BEGINNING = ("angle", "velocity", "motor torque", "twist", "twist rate", "heat")
+"""What a joint begins a log with: angle and velocity of the encoder's side, motor torque, by how much the motor's angle
+and velocity exceed the arm's where there is a spring or a play, beyond the twist in which the arm hangs, and by what
+share the resistance exceeds that of a cold winding where it drifts."""
 LANES = 8
 """Joints that are simulated at once: candidates of a single joint, or half as many of a planar pair."""
 LANE_ROWS = (
@@ -396,7 +397,7 @@ _TEMPLATE = '''
 INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
 TIMING, STEPPING, FOLLOWING, ARM_VISCOUS, ARM = range(9, 14)
 Q, DQ, W, A, HEAT, QL, DQL, BESIDE = range(8)
-TWIST, TWIST_RATE = range(3, 5)  # columns of what a joint begins with
+TWIST, TWIST_RATE, WARMTH = range(3, 6)  # columns of what a joint begins with
 OTHER, LAGGING, PROMPT = range(3)  # how the motors of all lanes follow their command
 ONE_BODY, SPRING, PLAY_BETWEEN = 1, 2, 3  # what these motors move
 LIGHT, HEAVY = 1, 2  # whether the arm's position resists, and whether by its weight
@@ -766,7 +767,7 @@ def _joined(t, q, dq, ql, dql, rhs, arm, p, on):
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _sides(start, p, on):
     """Angles and velocities of motor and arm at the beginning, those of the encoder's side given: the arm hangs in its
-    spring or leans to one side of its play, but for what start (5,) has of `BEGINNING` besides."""
+    spring or leans to one side of its play, but for what start (6,) has of `BEGINNING` besides."""
     q, dq = start[0], start[1]
     if not (_flexible(on) or _playing(on)):
         return q, dq, q, dq
@@ -1006,12 +1007,13 @@ def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak,
 
 @njit(cache=True, error_model='numpy', nogil=True)
 def begin(start, u, S, P, on):
-    """States S (n, 8) at the beginning of a log: start (n, 5) as in `BEGINNING`; command u (n,)."""
+    """States S (n, 8) at the beginning of a log: start (n, 6) as in `BEGINNING`; command u (n,)."""
     for j in range(len(u)):
         S[j, BESIDE] = 0.0
         S[j, Q], S[j, DQ], S[j, QL], S[j, DQL] = _sides(start[j], P[j], on[j])
         S[j, A] = u[j]
         S[j, W] = start[j, 2]
+        S[j, HEAT] = start[j, WARMTH]
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
@@ -1180,7 +1182,7 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
     for l in range(n):
         p[l] = resolved[l]
         S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l] = _sides(starts[l], p[l], on[l])
-        S[W_ + l], S[LAG_ + l] = starts[l, 2], u[begins[l]]
+        S[W_ + l], S[LAG_ + l], S[HEAT_ + l] = starts[l, 2], u[begins[l]], starts[l, WARMTH]
         S[MOBILITY_ + l] = p[l, MOBILITY]
         S[VISCOUS_ + l], S[EMF_ + l] = p[l, VISCOUS], p[l, BACK_EMF]
         S[ELECTRICAL_ + l] = p[l, ELECTRICAL_RATE]

@@ -1,4 +1,4 @@
-"""States in which logs begin and that no reading shows: a spring or a play that is not at rest."""
+"""States in which logs begin and that no reading shows: a spring or a play that is not at rest, a warm winding."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from diagnosis.beginning import TWIST, TWIST_RATE, started, twists, twists_settled
+from diagnosis.beginning import HEAT, TWIST, TWIST_RATE, beginnings_settled, heats, started, twists
 from diagnosis.engine import find
 from diagnosis.estimation import Point, errors, fit
 from diagnosis.hypotheses import Hypothesis, extend
@@ -27,6 +27,8 @@ MOTOR, ARM, DRAG, WEIGHT = 0.05, 0.02, 0.3, 0.2
 HERTZ, DAMPING = 6.0, 0.02
 STIFFNESS, FRICTION = ARM * (2 * np.pi * HERTZ) ** 2, 2 * DAMPING * ARM * 2 * np.pi * HERTZ
 STRUCTURE = (JointStructure(input="current", gravity="constant"),)
+EMF, RISE, SECONDS = 0.4, 0.3, 6.0
+WARM = np.array([[RISE, SECONDS]])
 HANGING = WEIGHT / STIFFNESS
 """Angle of the motor before the arm at rest."""
 
@@ -69,12 +71,12 @@ def test_a_spring_that_begins_beside_its_rest_is_found_there() -> None:
     """It begins unstretched, as in simulators, and swings about the angle in which it would hang."""
     problem = stack(KERNEL, [swinging(1), swinging(2, twist=0.03, rate=-0.5)], (1,))
     before = in_turns(problem, fit(problem, model_of(problem)))
-    after = twists_settled(problem, before)
+    after = beginnings_settled(problem, before)
     assert rms(problem, after.error) < 0.3 * rms(problem, before.error)
     assert rms(problem, after.error) < 1.5 * STEP / np.sqrt(12.0)
     assert after.point.starts[:, 0, TWIST] == pytest.approx([-HANGING, 0.03 - HANGING], abs=0.05 * HANGING)
     assert after.point.starts[:, 0, TWIST_RATE] == pytest.approx([0.0, -0.5], abs=0.02)
-    assert twists_settled(problem, after) is after
+    assert beginnings_settled(problem, after) is after
 
 
 def test_the_search_names_a_spring_that_begins_beside_its_rest() -> None:
@@ -91,7 +93,7 @@ def test_a_spring_at_rest_stays_there() -> None:
     problem = stack(KERNEL, [swinging(seed, twist=HANGING) for seed in (1, 2)], (1,))
     fitted = in_turns(problem, fit(problem, model_of(problem)))
     assert rms(problem, fitted.error) < 1.5 * STEP / np.sqrt(12.0)
-    assert twists_settled(problem, fitted) is fitted
+    assert beginnings_settled(problem, fitted) is fitted
 
 
 def test_other_logs_begin_as_their_readings_tell() -> None:
@@ -101,7 +103,7 @@ def test_other_logs_begin_as_their_readings_tell() -> None:
     point = started(other, fitted.point, fitted.whitener)
     assert point.starts[0, 0, TWIST] == pytest.approx(-0.02 - HANGING, abs=0.05 * HANGING)
     assert point.starts[0, 0, TWIST_RATE] == pytest.approx(1.0, abs=0.03)
-    unknown = replace(point, starts=point.starts * np.array([1.0, 1.0, 1.0, 0.0, 0.0]))
+    unknown = replace(point, starts=point.starts * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]))
     assert rms(other, errors(other, [point])[0]) < 0.3 * rms(other, errors(other, [unknown])[0])
 
 
@@ -117,4 +119,45 @@ def test_only_springs_and_plays_have_a_twist() -> None:
     problem = stack(KERNEL, [swinging(1)], (1,))
     nominal = fit_nominal(problem, STRUCTURE)
     assert list(twists(problem, nominal.point)) == []
-    assert twists_settled(problem, nominal) is nominal
+    assert beginnings_settled(problem, nominal) is nominal
+
+
+def warmed(seed: int, heat: float) -> Log:
+    """A motor whose resistance begins higher than cold by the share `heat`; thirty Euler steps a sample."""
+    rng = np.random.default_rng(seed)
+    time = DT * np.arange(10000)
+    hertz = np.array([0.4, 1.1, 2.3, 4.1])
+    command = np.sum(np.sin(2 * np.pi * np.outer(time, hertz) + rng.uniform(0, 6, 4)), axis=1)
+    position, angle, speed, part = np.zeros(len(time)), 0.0, 0.0, DT / 30
+    for k, u in enumerate(command):
+        position[k] = angle
+        for _ in range(30):
+            current = (u - EMF * speed) / (1.0 + heat)
+            heat += part * (RISE * current**2 - heat) / SECONDS
+            speed += part * (current - DRAG * speed) / (MOTOR + ARM)
+            angle += part * speed
+    facts = JointFacts(input="voltage", position_unit="rad", encoder_step=STEP)
+    return Log(time, command[:, None], STEP * np.round(position[:, None] / STEP), (1,), facts=(facts,), name=f"{seed}")
+
+
+def test_a_winding_that_begins_warm_is_found_warm() -> None:
+    """In the fitted logs, and in others; beside it nothing else stands for what it cools down."""
+    problem = stack(KERNEL, [warmed(1, 0.0), warmed(2, 0.15)], (1,))
+    held_out = stack(KERNEL, [warmed(3, 0.2)], (1,))
+    candidates = [NAMED[name] for name in ("thermal_drift", "collision", "payload_change", "coulomb_friction")]
+    finding = find(problem, (JointStructure(),), candidates, held_out=held_out)
+    assert finding.verdict == "named"
+    assert [item.name for item in finding.accepted] == ["thermal_drift"]
+    point = finding.final.point
+    assert point.starts[:, 0, HEAT] == pytest.approx([0.0, 0.15], abs=0.01)
+    assert point.parameters[0, 0, KERNEL.column(NAMED["thermal_drift"], "time_constant")] == pytest.approx(SECONDS, 0.1)
+    other = started(held_out, point, finding.final.whitener)
+    assert other.starts[0, 0, HEAT] == pytest.approx(0.2, abs=0.02)
+
+
+def test_only_windings_that_drift_have_a_heat() -> None:
+    problem = stack(KERNEL, [swinging(1)], (1,))
+    drift = extend(problem, fit_nominal(problem, STRUCTURE).point, Hypothesis(NAMED["thermal_drift"], 0), WARM)
+    (heat,) = heats(problem, drift)
+    assert (heat.joint, heat.column, heat.size) == (0, HEAT, RISE)
+    assert list(heats(problem, model_of(problem))) == []

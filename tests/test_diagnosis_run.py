@@ -633,6 +633,7 @@ def test_experiments_swing_as_the_logs_did(command: list[float], amplitude: floa
 
 
 def test_isolability_and_next_experiment(with_friction: tuple) -> None:
+    from diagnosis.engine import find
     from diagnosis.isolability import isolability
     from diagnosis.next_experiment import next_experiment, seen
 
@@ -651,6 +652,12 @@ def test_isolability_and_next_experiment(with_friction: tuple) -> None:
     louder = solved_of(replace(read, fitted=tuple(noisy)), "coulomb_friction")
     again, _ = isolability(louder.problem, louder.finding, 0, 1, wanted, Settings())
     assert all(loud.share > 3 * quiet.share for loud, quiet in zip(again, rows, strict=True))
+    # in a linear joint without a winding a constant load hides an offset however large it is
+    bare = StructuredModel((StructuredJoint(1, "current", {"inertia": 0.07, "viscous": 0.3}, {}),), DT)
+    problem = solved_of(read_of(bare), "coulomb_friction").problem
+    constant = find(problem, (JointStructure("current", gravity="constant"),), effects_of("coulomb_friction"))
+    (offset,), _ = isolability(problem, constant, 0, 1, effects_of("amplifier_offset"), Settings())
+    assert offset.threshold is None
     proposal = next_experiment(solved.problem, solved.finding, 0, 1, None)
     assert proposal is not None
     assert proposal.factor > 1.0

@@ -1273,6 +1273,44 @@ def test_the_law_that_is_there_is_repaired_first(evidence: float, chosen: str) -
     assert best.name == chosen
 
 
+def test_a_further_harmonic_is_no_repair_of_the_first() -> None:
+    """It is another effect of the same name, and the law that explains most of all comes first."""
+    second = {"sine": 0.1, "cosine": 0.1, "cycles_per_rev": 24.0}
+    hidden = {"cogging_torque": {"sine": 0.3, "cosine": 0.1, "cycles_per_rev": 12.0}, "cogging_torque_2": second}
+    problem = problem_of(hidden | {"gravity_tilt": {"sine": 0.1, "cosine": 0.1}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    there = accepted(problem, nominal, "cogging_torque", [0.3, 0.1, 12.0])
+    ranked = []
+    for name, values, evidence in (
+        ("gravity_tilt", [0.1, 0.1], 100.0),
+        ("cogging_torque_2", list(second.values()), 90.0),
+    ):
+        found = accepted(problem, there.scored.fitted, name, values).scored
+        ranked.append(replace(found, decrease=evidence + found.price))
+    best = choose(problem, ranked, Settings(), 0.0, [there])
+    assert best is not None
+    assert best.name == "gravity_tilt"
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "seen"),
+    [
+        ("presliding_friction", [0.1, 0.5, 0.0], True),
+        ("presliding_friction", [0.1, 2.0, 0.0], False),
+        ("presliding_friction_stribeck", [0.1, 0.5, 0.0, 0.5, 0.9, 2.0], True),
+        ("presliding_friction_stribeck", [0.1, 0.5, 0.0, 0.5, 2.0, 2.0], False),
+    ],
+)
+def test_bristles_that_bend_as_far_as_the_joint_goes_are_no_friction(
+    name: str, values: list[float], seen: bool
+) -> None:
+    """Nor does a level from rest differ from the one in sliding that no motion of the logs reaches."""
+    scales = SimpleNamespace(
+        position_span=1.0, velocity_peak=1.0, velocity_rms=0.3, encoder_step=1e-5, sample_time=1e-3
+    )
+    assert NAMED[name].resolved(values, scales) is seen
+
+
 def test_an_effect_at_the_end_of_its_range_stands_in_for_another_one() -> None:
     problem = problem_of({"encoder_eccentricity": {"sine": 0.05, "cosine": 0.02}})
     nominal = fit_nominal(problem, (JointStructure(),))

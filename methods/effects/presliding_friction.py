@@ -20,6 +20,14 @@ def starts(s):
     return [(0.05 * s.torque_rms, deflection, 0.0) for deflection in geometric(least, 0.3 * s.position_span, 3.0)]
 
 
+def is_seen(p, s):
+    """Whether logs can show bristles that bend and then slide: those that bend as far as the joint goes are a spring,
+    and a static level to which no motion puts an end is the only one."""
+    slides = p[1] < s.position_span
+    falls = len(p) < LUGRE.size or p[4] < s.velocity_peak
+    return is_readable(p[1], s) and slides and falls
+
+
 EFFECT = Effect(
     name="presliding_friction",
     stage="arm",
@@ -33,7 +41,7 @@ EFFECT = Effect(
     variable="position since reversal",
     source="Dahl 1968; Canudas de Wit et al. 1995",
     includes=("coulomb_friction",),
-    resolved=lambda p, s: is_readable(p[1], s),
+    resolved=is_seen,
     starts=starts,
     tries=2,
 )

@@ -1,7 +1,7 @@
 """Thermal drift of the winding: resistance rises with the heat of the current through one thermal time constant.
 
-``rise' = (resistance_rise w^2 / mean(w^2) - rise) / time_constant`` with ``R = R0 (1 + rise)``,
-        cold at the start of a log.
+``rise' = (resistance_rise w^2 / mean(w^2) - rise) / time_constant`` with ``R = R0 (1 + rise)``. A log begins with a
+cold winding unless its readings tell otherwise (`diagnosis.beginning`).
 
 Source: A. Hughes, B. Drury, Electric Motors and Drives, section 1 (thermal time constant).
 """

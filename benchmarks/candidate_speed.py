@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.rollout import rollout, seconds
 from envs.log import Array
 from methods.effects import vocabulary
-from methods.kernel import LANES, NOMINAL, Kernel, build
+from methods.kernel import BEGINNING, LANES, NOMINAL, Kernel, build
 
 STEP = 1e-3
 """Step and sampling time [s]."""
@@ -92,7 +92,7 @@ def _in_lanes(
     command = np.repeat(command, joints, axis=1)
     cumulative = np.vstack([np.zeros((1, joints)), np.cumsum(command[:-1], axis=0)])
     hold, bounds, near = np.zeros(joints, dtype=np.int64), np.array([0, chosen.samples]), np.zeros((0, joints, 3))
-    starts = np.zeros((chosen.candidates, 1, joints, 3))
+    starts = np.zeros((chosen.candidates, 1, joints, len(BEGINNING)))
     rigid = np.tile([0.3 * INERTIA, 1.0, 0.9 * INERTIA], (chosen.candidates, 1))
     out = np.empty((chosen.candidates, chosen.samples, joints))
     reading, extra = 0.2 * command, np.zeros((0, 0, joints))

@@ -14,6 +14,7 @@ from diagnosis.problem import Problem
 from diagnosis.search import FORM, Scored, is_resolved, law, ranking
 from diagnosis.settings import Settings
 from diagnosis.timing import SHIFT
+from envs.log import Array
 from methods.effects.base import Effect
 
 LAG = "amplifier_lag"
@@ -50,17 +51,20 @@ def materiality(problem: Problem, fitted: Fitted, name: str, joint: int) -> floa
 
 
 def coincides(problem: Problem, scored: Scored, accepted: Sequence[Accepted]) -> bool:
-    """Whether an event happens when another one does that has a name already: it would repair the law of that one."""
+    """Whether an event happens while another one does that has a name already: it would repair the law of that one."""
     if scored.effect.scan != "event":
         return False
-    instants = lambda s: s.fitted.point.parameters[  # noqa: E731
-        :, s.start.hypothesis.joint, problem.kernel.column(s.effect, "time")
-    ]
-    return any(
-        np.any(np.abs(instants(scored) - instants(item.scored)) < SIMULTANEOUS)
-        for item in accepted
-        if item.effect.scan == "event"
-    )
+    begin, end = _spans(problem, scored)
+    others = (_spans(problem, item.scored) for item in accepted if "time" in (p.name for p in item.effect.parameters))
+    return any(np.any((begin < last + SIMULTANEOUS) & (first < end + SIMULTANEOUS)) for first, last in others)
+
+
+def _spans(problem: Problem, scored: Scored) -> tuple[Array, Array]:
+    """When an event begins and ends in every log [s]."""
+    own = scored.fitted.point.parameters[:, scored.start.hypothesis.joint]
+    begin = own[:, problem.kernel.column(scored.effect, "time")]
+    lasts = "duration" in (p.name for p in scored.effect.parameters)
+    return begin, begin + own[:, problem.kernel.column(scored.effect, "duration")] if lasts else begin
 
 
 def nearly_as_good(chosen: Accepted, ranked: Sequence[Scored]) -> list[Accepted]:

@@ -168,7 +168,7 @@ CANONICAL: dict[str, Canonical] = {
 """Effects (or single forms of them) whose canonical parameters are not those of the model; all others keep theirs."""
 
 
-SHAPES = ("rounding", "exponent", "fall_exponent", "feedback", "tail")
+SHAPES = ("rounding", "exponent", "fall_exponent", "feedback", "tail", "weight_sine", "weight_cosine")
 """Parameters that shape a law, beside its canonical ones."""
 
 

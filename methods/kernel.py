@@ -137,6 +137,7 @@ STRUCTURAL = {
     "presliding_friction_stribeck": "LUGRE",
     "payload_change": "PAYLOAD",
     "payload_change_at_rest": "GRASP",
+    "payload_change_weighed": "WEIGHED",
     "rounded_coulomb_friction": "ROUND",
     "tapered_coulomb_friction": "TAPER",
     "rounded_stribeck_friction": "BLEND",
@@ -260,8 +261,10 @@ class Kernel:
         Those of a single joint share lanes over all logs that have the same instants; how many cores there are makes no
         difference to that.
         """
-        command, neighbour, bounds, parameters, pair = (arguments[i] for i in (1, 5, 7, 9, 11))
+        command, neighbour, bounds, starts, parameters, pair = (arguments[i] for i in (1, 5, 7, 8, 9, 11))
         count, logs, joints = len(parameters), len(bounds) - 1, command.shape[1]
+        if starts.shape != (count, logs, joints, len(BEGINNING)):
+            raise ValueError(f"starts of shape {starts.shape} are none of {count} candidates as in BEGINNING")
         nothing = np.zeros((0, 0, 3))
         if joints == 1:
             alike = [(log, 1) for log in range(logs)] if len(neighbour) else same_instants(arguments[0], bounds)
@@ -690,9 +693,17 @@ def _payload(t, p, on):
     added = 0.0
     if PAYLOAD >= 0 and on[PAYLOAD]:  # over one step, so that its instant has a derivative
         added += p[PAYLOAD_P] * min(max((t - p[PAYLOAD_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
+    if WEIGHED >= 0 and on[WEIGHED]:
+        added += p[WEIGHED_P] * min(max((t - p[WEIGHED_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
     if GRASP >= 0 and on[GRASP] and t >= p[GRASP_P + 1]:
         added += p[GRASP_P]
     return added
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _carries(on):
+    """Whether a payload is picked up or put down."""
+    return (PAYLOAD >= 0 and on[PAYLOAD]) or (GRASP >= 0 and on[GRASP]) or (WEIGHED >= 0 and on[WEIGHED])
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1322,7 +1333,7 @@ def _planar_lanes(S, p, on, any_on, dry, hanging):
 
     hanging: whether gravity acts on any of them. R ends as the torques on what does not rest.
     """
-    if (PAYLOAD >= 0 and any_on[PAYLOAD]) or (GRASP >= 0 and any_on[GRASP]):
+    if _carries(any_on):
         for l in range(LANES):
             S[ADDED_ + l] = _payload(S[T_ + l], p[l], on[l])
     if hanging:
@@ -1444,7 +1455,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     Each runs along one of several logs with the same instants, as far as they go: t (T,), the longest; the log of lane
     l is rows begins[l] to begins[l] + lengths[l] of u, y (R, joints) and x (R, 3 + A), or (0, 3), which holds for a
     single log only, and of out[rows[l]], extra_in[rows[l]] (C, R), or (0, 0), and motion[rows[l]] (C, R, 3): angle,
-    velocity, motor torque (or empty). hold (joints,); starts (n, 5); P (n, columns); switches (n, effects).
+    velocity, motor torque (or empty). hold (joints,); starts (n, 6); P (n, columns); switches (n, effects).
     A candidate's states lie in the same lanes of every row of S, so that one instruction moves them all; what becomes
     of one candidate does not depend on the others.
     """
@@ -1491,7 +1502,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     limited, rippled = limited and motor != OTHER, rippled and motor != OTHER  # the others see to it themselves
     S[CONSTANT_ : CONSTANT_ + LANES] = 1.0
     ends = OTHER
-    if not ((PAYLOAD >= 0 and any_on[PAYLOAD]) or (GRASP >= 0 and any_on[GRASP])):
+    if not _carries(any_on):
         if not split:
             ends = ONE_BODY
         elif springs == n:

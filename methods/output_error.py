@@ -26,7 +26,7 @@ from envs.log import Array, JointFacts, Log
 from methods.base import Fit, Method, Status
 from methods.idim_least_squares import IdimLeastSquares
 from methods.joint_model import JointModel
-from methods.kernel import NOMINAL
+from methods.kernel import BEGINNING, NOMINAL
 from methods.least_squares import long_run_scatter
 from methods.physical_joint import FRICTION, SIGNED, coefficient_estimates, physical_model, physical_parameters
 from methods.registry import METHODS
@@ -139,7 +139,7 @@ class Segments:
         columns = [base.kernel.offsets[n] if n == FRICTION else NOMINAL.index(n) for n in self.names]
         parameters = np.tile(table, (count, segments, 1, 1))
         parameters[..., columns] = vectors[:, None, None, : len(columns)]
-        starts = np.zeros((count, segments, 1, 3))
+        starts = np.zeros((count, segments, 1, len(BEGINNING)))
         starts[:, :, 0, :2] = vectors[:, len(columns) :].reshape(count, segments, 2)
         t, u, total, y = self.signals
         emf = parameters[:, :, 0, NOMINAL.index("back_emf")]

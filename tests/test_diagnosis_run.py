@@ -366,7 +366,7 @@ def test_phase_of_a_disturbance_is_not_that_of_a_badly_known_velocity_at_the_beg
     nominal = fit_nominal(problem, (JointStructure(input="torque"),))
     (effect,) = effects_of("periodic_disturbance")
     final = fit(problem, extend(problem, nominal.point, Hypothesis(effect, 0), np.array([[0.015, 0.01, 2.3]])))
-    wrong = held_out.starts + np.array([0.0, 0.5 * np.std(held_out.velocity), 0.0, 0.0, 0.0])
+    wrong = held_out.starts + np.array([0.0, 0.5 * np.std(held_out.velocity), 0.0, 0.0, 0.0, 0.0])
     held_out = replace(held_out, starts=wrong)
     found = with_phases(held_out, transfer(held_out, final.point), final.whitener)
     sine, cosine, _ = found.parameters[0, 0, kernel.own(effect)]
@@ -380,7 +380,7 @@ def test_velocities_at_the_beginning_of_other_logs_are_what_their_readings_tell(
     point = extend(problem, nominal.point, Hypothesis(effects_of("coulomb_friction")[0], 0), np.array([[0.06]]))
     final = fit(problem, point)
     error = 0.04 * np.max(np.abs(held_out.velocity))
-    wrong = replace(held_out, starts=held_out.starts + np.array([0.0, error, 0.0, 0.0, 0.0]))
+    wrong = replace(held_out, starts=held_out.starts + np.array([0.0, error, 0.0, 0.0, 0.0, 0.0]))
     found = started(wrong, final.point, final.whitener)
     assert abs(found.starts[0, 0, 1]) < 0.02 * error  # it began at rest
     before, after = (rms(replay(wrong, p).windows) for p in (transfer(wrong, final.point), found))

@@ -153,7 +153,13 @@ def test_a_model_that_counts_time_needs_whole_logs(
 
 def test_time_enters_the_laws_of_disturbances_and_events_only() -> None:
     found = {effect.name for effect in EFFECTS if effect.has_time}
-    assert found == {"collision", "payload_change", "payload_change_at_rest", "periodic_disturbance"}
+    assert found == {
+        "collision",
+        "payload_change",
+        "payload_change_at_rest",
+        "payload_change_weighed",
+        "periodic_disturbance",
+    }
 
 
 def test_weak_effects_are_sought_in_all_samples(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from methods.effects import vocabulary
 from methods.effects.base import Scales
-from methods.kernel import LANES, NOMINAL, SHAPES, Kernel, build, same_instants
+from methods.kernel import BEGINNING, LANES, NOMINAL, SHAPES, Kernel, build, same_instants
 
 KERNEL: Kernel = build(tuple(vocabulary()))
 SIZES = Scales(
@@ -34,7 +34,7 @@ SAMPLES, LOGS = 700, 2
 
 
 def candidates(count: int, seed: int, effects: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Parameters (C, L, 1, columns), switches (C, 1, effects) and starts (C, L, 1, 5) with random effects."""
+    """Parameters (C, L, 1, columns), switches (C, 1, effects) and starts (C, L, 1, 6) with random effects."""
     rng = np.random.default_rng(seed)
     parameters = np.zeros((count, LOGS, 1, KERNEL.columns))
     switches = np.zeros((count, 1, len(KERNEL.effects)), dtype=bool)
@@ -57,7 +57,7 @@ def candidates(count: int, seed: int, effects: int) -> tuple[np.ndarray, np.ndar
             if starts:
                 switches[c, 0, effect] = True
                 own[:, KERNEL.own(chosen)] = starts[rng.integers(len(starts))]
-    return parameters, switches, np.tile([0.1, 0.0, 0.0, 0.01, -0.3], (count, LOGS, 1, 1))
+    return parameters, switches, np.tile([0.1, 0.0, 0.0, 0.01, -0.3, 0.05], (count, LOGS, 1, 1))
 
 
 def stacked(seed: int) -> tuple[np.ndarray, ...]:
@@ -166,7 +166,7 @@ def test_logs_share_lanes_where_their_instants_are_the_same_as_far_as_they_go(ef
     if hold == 1:  # all commands are as late: where one log ends and another begins shows in nothing else
         parameters[..., NOMINAL.index("timing")] = 1e-3
         parameters[..., NOMINAL.index("electrical_time_constant")] = 4e-3
-    starts, extra = rng.normal(0.0, 0.1, (count, 4, 1, 5)), rng.normal(size=(count, len(time), 1))
+    starts, extra = rng.normal(0.0, 0.1, (count, 4, 1, len(BEGINNING))), rng.normal(size=(count, len(time), 1))
     signals, none = (time, command, cumulative, np.array([hold]), reading), np.zeros((0, 1, 3))
     lanes, alone = np.empty((2, count, len(time), 1))
     tail = (20.0, 0.0, 1)
@@ -181,7 +181,7 @@ def test_logs_share_lanes_where_their_instants_are_the_same_as_far_as_they_go(ef
 
 
 def pairs(count: int, seed: int, effects: int) -> tuple[np.ndarray, ...]:
-    """Parameters (C, L, 2, columns), switches (C, 2, effects), starts (C, L, 2, 5) and constants (C, 3) of planar
+    """Parameters (C, L, 2, columns), switches (C, 2, effects), starts (C, L, 2, 6) and constants (C, 3) of planar
     pairs, some of which hang, some of which rest for a while."""
     rng = np.random.default_rng(seed)
     one, two = candidates(count, seed, effects), candidates(count, seed + 100, effects)
@@ -322,7 +322,7 @@ def test_bristles_are_right_to_a_few_ten_thousandths_in_one_step_per_sample(
     def moved(steps: int) -> np.ndarray:
         out = np.empty((1, samples, 1))
         signals = (time, command, cumulative, np.zeros(1, dtype=np.int64), np.zeros((samples, 1)), np.zeros((0, 1, 3)))
-        model = (np.zeros((1, 1, 1, 5)), parameters, switches, False, np.zeros((1, 3)))
+        model = (np.zeros((1, 1, 1, len(BEGINNING))), parameters, switches, False, np.zeros((1, 3)))
         KERNEL.batch(*signals, np.zeros((0, 0, 1)), np.array([0, samples]), *model, 0.0, 0.0, steps, out)
         return out[0, :, 0]
 
@@ -346,3 +346,10 @@ def test_arithmetic_of_the_lanes_is_that_of_the_library() -> None:
     found = np.array([module._hyperbolic_tangent(x) for x in slopes])
     assert np.allclose(found, np.tanh(slopes), rtol=0.0, atol=4e-16)
     assert module._hyperbolic_tangent(0.0) == 0.0
+
+
+def test_beginnings_of_another_width_are_refused() -> None:
+    """Compiled code would read beyond them."""
+    parameters, switches, starts = candidates(2, 5, 0)
+    with pytest.raises(ValueError, match="BEGINNING"):
+        batched(parameters, switches, starts[..., :3])

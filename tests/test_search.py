@@ -761,6 +761,8 @@ def test_one_event_has_one_name() -> None:
     nominal = fit_nominal(problem, (JointStructure(),))
     payload = accepted(problem, nominal, "payload_change", [0.03, 5.0])
     at_once, later = (accepted(problem, nominal, "collision", [0.1, t, 0.05, 0.3]).scored for t in (5.1, 8.0))
+    point = extend(problem, nominal.point, Hypothesis(NAMED["collision"], 0), np.array([[0.1, 4.6, 0.5, 0.3]]))
+    assert coincides(problem, replace(at_once, fitted=replace(at_once.fitted, point=point)), [payload])
     point = extend(problem, nominal.point, Hypothesis(NAMED["collision"], 0), np.array([[0.1, 5.1, 0.05, 0.3]]))
     assert coincides(problem, replace(at_once, fitted=replace(at_once.fitted, point=point)), [payload])
     point = extend(problem, nominal.point, Hypothesis(NAMED["collision"], 0), np.array([[0.1, 8.0, 0.05, 0.3]]))

@@ -1,8 +1,10 @@
-"""Change of payload: from an instant within the log on the inertia is larger or smaller.
+"""Change of payload: from an instant within the log on the inertia is larger or smaller, and so is the weight of an arm
+that gravity pulls.
 
 Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, section 9 (payload).
 """
 
+import math
 from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter
@@ -31,4 +33,39 @@ AT_REST = replace(
 )
 """The load rested when it was picked up: the momentum is continuous, not the velocity."""
 EFFECT = replace(EFFECT, excludes=("payload_change_at_rest",))
-EFFECTS = (EFFECT, AT_REST)
+
+
+def weight(t, q, dq, w, x, p):
+    """weight_sine sin(q) + weight_cosine cos(q) from `time` on."""
+    if t < p[1]:
+        return 0.0
+    return p[2] * math.sin(q) + p[3] * math.cos(q)
+
+
+def weights(s):
+    """Weights that are felt, as of a tilted axis."""
+    size = 0.02 * s.torque_rms / min(s.position_span, 1.0)
+    return [(0.02 * s.inertia, 0.4 * s.duration, *own) for own in ((size, 0.0), (0.0, size))] if s.revolute else []
+
+
+WEIGHED = replace(
+    EFFECT,
+    name="payload_change_weighed",
+    kind="payload_change",
+    slot="torque",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("weight_sine", "torque", "sine part of the torque of its weight"),
+        EffectParameter("weight_cosine", "torque", "cosine part of the torque of its weight"),
+    ),
+    equation=r"J(t) = J + \Delta J,\ \tau_g(t) = \tau_g + W\,\sin(q + \varphi)\ \mathrm{for}\ t \geq t_0",
+    amplitudes=(0, 2, 3),
+    function=weight,
+    starts=weights,
+    scan=None,
+    includes=("payload_change",),
+    neutral=(0.0, 0.0),
+    after="payload_change",
+)
+"""The load has a weight, too, about an axis that is not vertical."""
+EFFECTS = (EFFECT, AT_REST, WEIGHED)

@@ -19,6 +19,7 @@ from scipy.stats import chi2
 
 from diagnosis.estimation import Fitted, errors, predicted_motion, scatters
 from diagnosis.hypotheses import adjoint
+from diagnosis.jitter import jitter
 from diagnosis.problem import Problem, bandwidth
 from diagnosis.projection import project
 from envs.log import Array
@@ -32,6 +33,8 @@ CHANCE = 1e-5
 WIDER = 10.0
 """Times the band of the motion in which a torque is looked for that blows may be: a play that is taken for a spring
 leaves little below."""
+JITTERS = 100.0
+"""Decrease of -2 log likelihood from which the innovations scatter as instants that jitter make them."""
 ROUNDED = 2.0
 """Mean square of the innovations, in squares of an encoder step, up to which they may be its rounding."""
 DRAWS = 10
@@ -214,10 +217,14 @@ def lucky(left: Sequence[Remainder]) -> float:
 
 
 def shows_blows(problem: Problem, fitted: Fitted, joint: int) -> bool:
-    """Whether the innovations tell of torques far above the band of the motion: they are no rounding of the encoder,
-    and the model has no blows of its own."""
+    """Whether the innovations tell of torques far above the band of the motion: they are no rounding of the encoder nor
+    the scatter of instants that jitter, whose spectrum is known the worse the more it changes with the velocity, and
+    the model has no blows of its own."""
     is_rounding = fitted.variances[joint] < ROUNDED * problem.encoder_step**2
-    return not is_rounding and not scatters(problem, fitted.point, joint)
+    if is_rounding or scatters(problem, fitted.point, joint):
+        return False
+    found = jitter(problem, fitted, joint)
+    return found is None or found.decrease < JITTERS
 
 
 def scattering(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> Array:

@@ -1130,6 +1130,15 @@ def jittering(rms: float) -> Problem:
     return stack(KERNEL, [replace(log, position=STEP * np.round(motion / STEP))], (1,))
 
 
+def test_the_scatter_of_instants_that_jitter_is_no_torque() -> None:
+    """Its spectrum is known the worse the more it changes with the velocity; that of other noise is not."""
+    problem = jittering(1e-3)
+    assert not shows_blows(problem, fit_nominal(problem, (JointStructure(),)), 0)
+    rng = np.random.default_rng(0)
+    noisy = replace(problem, reading=jittering(0.0).reading + 3e-3 * rng.standard_normal(problem.reading.shape))
+    assert shows_blows(noisy, fit_nominal(noisy, (JointStructure(),)), 0)
+
+
 def test_jitter_is_told_from_noise_with_long_tails() -> None:
     problem = jittering(2e-4)
     found = jitter(problem, fit_nominal(problem, (JointStructure(),)), 0)

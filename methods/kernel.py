@@ -2,7 +2,8 @@
 
 The kernel integrates n joints (independent, or the first two as a planar pair) along a log: it predicts the reading,
 corrects the predicted angle weakly towards the measurement (a *leak*; with a leak of zero it is a free simulation),
-and returns the prediction error. The equations of the effects are written into its source, one call each behind a
+and returns the prediction error. An encoder behind a spring corrects the angles on both of its sides, so that a stiff
+spring is none. The equations of the effects are written into its source, one call each behind a
 switch, so that any subset runs in the same machine code; the source lives in a cache folder keyed by its contents.
 
 Per joint, in units of the command::
@@ -1063,6 +1064,8 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             for j in range(n):
                 angle, rate = (QL, DQL) if _load_side(on[j]) else (Q, DQ)
                 S[j, angle] += pull * out[k, j]
+                if FLEX_LOAD >= 0 and on[j, FLEX_LOAD]:
+                    S[j, Q] += pull * out[k, j]
                 S[j, BESIDE] += caught * (P[j, FOLLOWING] * (1.0 - pull) * out[k, j] - S[j, BESIDE])
                 beside[j] = S[j, BESIDE]
                 if rate_leak > 0.0 and S[j, rate] != 0.0:
@@ -1560,6 +1563,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
             if split and senses:
                 for l in range(n):
                     S[(QL_ if _load_side(on[l]) else Q_) + l] += pull * S[ERROR_ + l]
+                    if FLEX_LOAD >= 0 and on[l, FLEX_LOAD]:
+                        S[Q_ + l] += pull * S[ERROR_ + l]
             else:
                 _added(S, Q_, pull, ERROR_)
             for l in range(LANES):

@@ -1665,3 +1665,18 @@ def test_a_simulator_is_new_until_it_has_been_used(monkeypatch: pytest.MonkeyPat
     assert kernel.module.__name__.endswith(kernel.path.stem)
     assert not kernel.is_new
     assert not build((NAMED["coulomb_friction"],)).is_new
+
+
+def test_a_stiff_spring_is_none_whichever_side_the_encoder_is_on() -> None:
+    """Prediction errors, which an observer corrects on the way, become those of the rigid joint as it stiffens."""
+    problem = problem_of({}, 1e-3 * np.random.default_rng(0).standard_normal(5000))
+    rigid = fit_nominal(problem, (JointStructure(),)).point
+    for name in ("joint_flexibility", "joint_flexibility_load_side"):
+        left = []
+        for hertz in (20.0, 40.0, 80.0):
+            values = np.array([[0.1, hertz, 0.1]])
+            spring = extend(problem, rigid, Hypothesis(NAMED[name], 0), values)
+            stiff, without = errors(problem, [spring, rigid])
+            left.append(float(np.std((stiff - without)[problem.used])))
+        assert left[1] < 0.4 * left[0], name
+        assert left[2] < 0.4 * left[1], name

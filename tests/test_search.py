@@ -1668,7 +1668,7 @@ def test_a_simulator_is_new_until_it_has_been_used(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_stiff_spring_is_none_whichever_side_the_encoder_is_on() -> None:
-    """Prediction errors, which an observer corrects on the way, become those of the rigid joint as it stiffens."""
+    """Prediction errors, which an observer corrects on the way, approach those of the rigid joint as it yields less."""
     problem = problem_of({}, 1e-3 * np.random.default_rng(0).standard_normal(5000))
     rigid = fit_nominal(problem, (JointStructure(),)).point
     for name in ("joint_flexibility", "joint_flexibility_load_side"):
@@ -1678,5 +1678,4 @@ def test_a_stiff_spring_is_none_whichever_side_the_encoder_is_on() -> None:
             spring = extend(problem, rigid, Hypothesis(NAMED[name], 0), values)
             stiff, without = errors(problem, [spring, rigid])
             left.append(float(np.std((stiff - without)[problem.used])))
-        assert left[1] < 0.4 * left[0], name
-        assert left[2] < 0.4 * left[1], name
+        assert np.divide(left[1:], left[:-1]) == pytest.approx(0.25, abs=0.02), name  # as the compliance

@@ -1044,7 +1044,7 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     offset = accepted(problem, nominal, "amplifier_offset", [2e-3]).scored
     explained = 50.0 * offset.decrease
     there = lambda joint, variable, scatters=False, label="": SimpleNamespace(  # noqa: E731
-        joint=joint, label=label, effect=SimpleNamespace(variable=variable, scatters=scatters)
+        joint=joint, label=label, name=label, effect=SimpleNamespace(variable=variable, scatters=scatters)
     )
     pick = lambda *items: choose(problem, [offset], Settings(), explained, items)  # noqa: E731
     assert pick(there(0, "velocity")) is None

@@ -23,7 +23,7 @@ from diagnosis.problem import Problem, stack
 from envs.log import Array, Log
 from methods.effects import built_in
 from methods.effects.base import Effect
-from methods.kernel import NOMINAL, Kernel, build
+from methods.kernel import BEGINNING, NOMINAL, Kernel, build
 
 SMOOTHING = 0.03
 """Length of the local cubic fit that gives the state at the beginning of a window [s]."""
@@ -165,8 +165,9 @@ def windows(
 
 
 def _states(problem: Problem, begins: np.ndarray) -> Array:
-    """Position, velocity and motor torque (0) at samples of a problem, (L, n, 3)."""
-    states = np.zeros((len(begins), problem.joints, 3))
+    """Position and velocity at samples of a problem, in what a joint begins with (`methods.kernel.BEGINNING`), the rest
+    of which is zero, (L, n, 6)."""
+    states = np.zeros((len(begins), problem.joints, len(BEGINNING)))
     for a, b in pairwise(problem.bounds):
         mine = (begins >= a) & (begins < b)
         dt = float(np.median(np.diff(problem.time[a:b])))

@@ -78,11 +78,15 @@ def next_experiment(
 def _sharpest(
     problem: Problem, final: Fitted, found: list[tuple[ScaledExcitation, Problem, float]], joint: int
 ) -> NextExperiment | None:
-    """The experiment that reduces the relative deviation of the least certain parameter most."""
+    """The experiment that reduces the relative deviation of the least certain parameter most.
+
+    Parameters that trade places so exactly that arithmetic gives them no variance are not asked.
+    """
     free = final.point.free
     kept = [i for i, f in enumerate(free) if f.kind == "joint" and f.log < 0]
     sizes = np.abs(final.point.vector)
-    relative = [np.sqrt(final.covariance[i, i]) / max(sizes[i], 1e-3 * free[i].scale) for i in kept]
+    variance = np.maximum(np.diag(final.covariance), 0.0)
+    relative = [np.sqrt(variance[i]) / max(sizes[i], 1e-3 * free[i].scale) for i in kept]
     of_effects = [k for k, i in enumerate(kept) if "." in free[i].name] or list(range(len(kept)))
     weakest = max(of_effects, key=lambda k: relative[k])
     spread = final.covariance[np.ix_(kept, kept)]
@@ -95,7 +99,7 @@ def _sharpest(
         places = [[f.name for f in own.point.free].index(free[i].name) for i in kept]
         more = np.linalg.pinv(own.covariance[np.ix_(places, places)]) * ratio
         after = np.linalg.pinv(np.linalg.pinv(spread) + more)[weakest, weakest]
-        gains.append(float(np.sqrt(spread[weakest, weakest] / max(after, 1e-300))))
+        gains.append(float(np.sqrt(variance[kept[weakest]] / after)) if after > 0.0 else 0.0)
     best = int(np.argmax(gains))
     if gains[best] < WORTH:
         return None

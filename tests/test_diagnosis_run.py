@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -664,6 +665,16 @@ def test_isolability_and_next_experiment(with_friction: tuple) -> None:
     assert proposal.purpose == "to sharpen the torque of Coulomb friction, the least certain parameter"
     amplitude = parse(proposal.excitation).amplitude
     assert 0.0 < amplitude <= 1.01 * seen(solved.problem, 0).command
+    # a parameter to which arithmetic gives no variance is not asked
+    final, spread = solved.finding.final, solved.finding.final.covariance.copy()
+    spread[0, 0] = -1e-9
+    other = replace(solved.finding, final=replace(final, covariance=spread))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        again = next_experiment(solved.problem, other, 0, 1, None)
+    assert again is not None
+    assert again.purpose == proposal.purpose
+    assert 1.0 < again.factor < np.inf
 
 
 def test_compensator_has_to_earn_its_place(with_friction: tuple) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diagnosis.estimation import Fitted, errors, predicted_motion
+from diagnosis.imitation import Signals, resistance
 from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
 from diagnosis.problem import Problem
 from diagnosis.projection import project
@@ -35,7 +36,7 @@ SOFTEST = 0.03
 COASTING = 0.6
 """Recovery time over that in which the joint itself coasts to rest, from which a constraint is no friction."""
 CANCELLING = 0.25
-"""Sum of torques of the position, as a share of the largest, below which they only describe another law."""
+"""Sum of torques, as a share of the largest, below which they only describe another law."""
 
 
 class Patchwork(Enum):
@@ -44,6 +45,7 @@ class Patchwork(Enum):
     FRICTION = "one law of friction"
     DEAD_ZONE = "a dead zone of the motor torque"
     POSITION = "one smooth torque of the position"
+    STATIC = "one static law"
 
 
 def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], margin: float) -> dict[int, Patchwork]:
@@ -53,6 +55,7 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
     level. A soft constraint that takes the velocity away as slowly as the joint itself coasts is no friction either.
     Torques of the position: they nearly cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a
     polynomial of the position with as many coefficients explains the logs as well, up to `margin` of -2 log likelihood.
+    All laws without a memory: an offset far beyond the commands that an asymmetry takes back is a piece of another law.
     """
     found: dict[int, Patchwork] = {}
     for j in range(problem.joints):
@@ -69,6 +72,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
             or is_polynomial(problem, final, j, places, margin)
         ):
             found[j] = Patchwork.POSITION
+        elif is_balanced(problem, final, j, own):
+            found[j] = Patchwork.STATIC
     return found
 
 
@@ -125,6 +130,17 @@ def is_cancelling(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect
     reading = problem.reading[problem.used, j]
     every = torques(problem, final, j, laws, np.quantile(reading, np.linspace(0.0, 1.0, 200)))
     return bool(np.std(every.sum(axis=0)) < CANCELLING * np.max(np.std(every, axis=1)))
+
+
+def is_balanced(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect]) -> bool:
+    """Whether the torques that all laws without a memory take from the motor's nearly cancel along the logs."""
+    signals = Signals.of(problem, final, j) if len(laws) > 1 else None
+    known = [] if signals is None else [(resistance(effect, signals), effect) for effect in laws]
+    taken = [law(final.point.parameters[0, j, problem.kernel.own(effect)]) for law, effect in known if law is not None]
+    if len(taken) < 2:
+        return False
+    size = np.sqrt(np.mean(np.square([*taken, np.sum(taken, axis=0)]), axis=1))
+    return bool(size[-1] < CANCELLING * np.max(size[:-1]))
 
 
 def is_polynomial(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect], margin: float) -> bool:

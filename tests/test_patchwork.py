@@ -93,3 +93,21 @@ def test_a_constraint_as_slow_as_the_joint_is_a_dead_zone(recovery: float, is_dr
     problem = problem_of(friction, 1.2, 1e-5)
     fitted, accepted = fitted_with(problem, friction)
     assert patchwork(problem, fitted, accepted, MARGIN) == ({} if is_dry else {0: Patchwork.DEAD_ZONE})
+
+
+@pytest.mark.parametrize(("offset", "difference", "is_one"), [(0.8, 1.5, True), (0.8, -1.5, False), (0.05, 0.3, False)])
+def test_an_offset_and_an_asymmetry_that_cancel_are_pieces_of_another_law(
+    offset: float, difference: float, is_one: bool
+) -> None:
+    """An amplifier whose gain depends on the sign of the command looks like that at one size of commands."""
+    known = {"amplifier_offset": {"voltage": offset}, "friction_asymmetry": {"torque": difference, "viscous": 0.0}}
+    problem = problem_of({}, 1.2, 1e-5)
+    nominal, starts = fit_nominal(problem, (JointStructure(),)), []
+    point = nominal.point
+    for name, parameters in known.items():
+        values = np.array([[parameters[p.name] for p in NAMED[name].parameters]])
+        starts.append(Start(Hypothesis(NAMED[name], 0), values, 0.0))
+        point = extend(problem, point, starts[-1].hypothesis, values)
+    balanced = replace(nominal, point=point)
+    accepted = [Accepted(Scored(start, balanced, 1e3, 10.0), 0.1, ()) for start in starts]
+    assert patchwork(problem, balanced, accepted, MARGIN) == ({0: Patchwork.STATIC} if is_one else {})

@@ -129,7 +129,6 @@ def choose(
     material = settings.material if accepted else settings.faint
     margin = max(settings.rival, 0.02 * top.decrease)
     there = {(item.label, item.joint) for item in accepted}
-    forms = {(item.name, item.joint) for item in accepted}
     if top.decrease < max(0.0 if law(top.start) in there else settings.minor * explained, least):
         return None
     best = max(s.evidence for s in ranked)
@@ -143,8 +142,7 @@ def choose(
         s
         for s in ranked
         if s.evidence > max(FORK * best, settings.threshold)
-        and any((name, s.start.hypothesis.joint) in forms for name in s.effect.includes)
-        and law(s.start) in there
+        and any(law(s.start) == (item.label, item.joint) and item.name in s.effect.includes for item in accepted)
     ]
     for scored in sorted(repairs or near, key=lambda s: (s.effect.size, -s.evidence)):
         hypothesis = scored.start.hypothesis

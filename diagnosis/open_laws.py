@@ -25,8 +25,9 @@ def left_open(
     ledger: Sequence[Step],
     failing: Mapping[int, Failure],
     effects: Sequence[Effect],
-) -> dict[int, str]:
-    """The law, by joint, for whose course beyond the fitted logs the errors on the held-out ones may stand.
+) -> dict[int, tuple[str, Failure]]:
+    """The law, by joint, for whose course beyond the fitted logs the errors on the held-out ones may stand, and how
+    large these are.
 
     Logs of small currents do not tell how the iron saturates at large ones, so that the textbook's law, right as the
     cause, errs there by any factor. A more general form of that law, fitted to the same logs, is as uncertain there as
@@ -35,14 +36,14 @@ def left_open(
     """
     models = [step for step in ledger if step.role in ("nominal", "effect")]
     nominal, textbook = models[0], models[-1]
-    found: dict[int, str] = {}
-    for j in failing:
+    found: dict[int, tuple[str, Failure]] = {}
+    for j, failure in failing.items():
         for label, wider in _generalised(problem, finding, effects, j):
             point = started(held_out, wider.final.point, wider.final.whitener)
             itself = Step("", "effect", j, point, replay(held_out, point, WINDOW))
             as_uncertain = replace(itself, replay=textbook.replay)
             if any(j not in failures(problem, held_out, wider, [nominal, step]) for step in (itself, as_uncertain)):
-                found[j] = label
+                found[j] = label, failure
                 break
     return found
 

@@ -134,9 +134,11 @@ def is_cancelling(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect
 
 def is_balanced(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect]) -> bool:
     """Whether the torques that all laws without a memory take from the motor's nearly cancel along the logs."""
-    signals = Signals.of(problem, final, j) if len(laws) > 1 else None
-    known = [] if signals is None else [(resistance(effect, signals), effect) for effect in laws]
-    taken = [law(final.point.parameters[0, j, problem.kernel.own(effect)]) for law, effect in known if law is not None]
+    if len(laws) < 2:
+        return False
+    signals, row = Signals.of(problem, final, j), final.point.parameters[0, j]
+    known = [(resistance(effect, signals), row[problem.kernel.own(effect)]) for effect in laws]
+    taken = [law(values) for law, values in known if law is not None]
     if len(taken) < 2:
         return False
     size = np.sqrt(np.mean(np.square([*taken, np.sum(taken, axis=0)]), axis=1))

@@ -493,7 +493,7 @@ def solve(
         {j: failure for j, failure in failing.items() if j not in laws},
         rest,
         limits,
-        {j: (law, failing[j]) for j, law in laws.items()},
+        laws,
     )
 
 

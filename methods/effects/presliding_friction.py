@@ -21,11 +21,8 @@ def starts(s):
 
 
 def is_seen(p, s):
-    """Whether logs can show bristles that bend and then slide: those that bend as far as the joint goes are a spring,
-    and a static level to which no motion puts an end is the only one."""
-    slides = p[1] < s.position_span
-    falls = len(p) < LUGRE.size or p[4] < s.velocity_peak
-    return is_readable(p[1], s) and slides and falls
+    """Whether logs can show bristles that bend and slide: those that bend as far as the joint goes are a spring."""
+    return is_readable(p[1], s) and p[1] < s.position_span
 
 
 EFFECT = Effect(
@@ -75,6 +72,7 @@ LUGRE = replace(
     ),
     includes=("presliding_friction", "stribeck_friction", "coulomb_friction"),
     excludes=("presliding_friction_power",),
+    resolved=lambda p, s: is_seen(p, s) and p[4] < s.velocity_peak,  # or it never falls
     starts=lambda s: [
         (*values, 0.5, share * s.velocity_rms, 1.5) for values in starts(s)[::2] for share in (0.03, 0.1, 0.3)
     ],

@@ -58,7 +58,7 @@ WEIGHED = replace(
         EffectParameter("weight_sine", "torque", "sine part of the torque of its weight"),
         EffectParameter("weight_cosine", "torque", "cosine part of the torque of its weight"),
     ),
-    equation=r"J(t) = J + \Delta J,\ \tau_g(t) = \tau_g + W\,\sin(q + \varphi)\ \mathrm{for}\ t \geq t_0",
+    equation=r"J(t) = J + \Delta J,\ \tau_g(t) = \tau_g + W_s\sin q + W_c\cos q\ \mathrm{for}\ t \geq t_0",
     amplitudes=(0, 2, 3),
     function=weight,
     starts=weights,

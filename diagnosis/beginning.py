@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, predicted_motion
+from diagnosis.instants import with_instants
 from diagnosis.problem import Free, Problem, start_deviation
 from diagnosis.replay import transfer
 from diagnosis.turns import free_of_filter
@@ -100,9 +101,10 @@ def beginnings_settled(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def started(problem: Problem, point: Point, filter_: Whitener) -> Point:
-    """A point fitted on other logs, made ready for these, with the states at their beginning and phases of periodic
-    disturbances as these logs have them."""
-    return with_phases(problem, with_states(problem, transfer(problem, point), filter_), filter_)
+    """A point fitted on other logs, made ready for these, with the instants of events, states at the
+    beginning, and phases of periodic disturbances as these logs have them."""
+    timed = with_instants(problem, transfer(problem, point), filter_)
+    return with_phases(problem, with_states(problem, timed, filter_), filter_)
 
 
 def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:

@@ -122,7 +122,7 @@ def choose(
     first where it explains half as much as another effect would: the other one is still found beside it if it is there.
     """
     ranked = [s for s in ranked if is_resolved(problem, s) and is_steady(problem, s) and is_possible(problem, s)]
-    ranked = textbook(ranked)
+    ranked = textbook(ranked, settings.rival)
     if not ranked:
         return None
     top = ranked[0]
@@ -190,9 +190,14 @@ def is_too_small(accepted: Sequence[Accepted], settings: Settings, explained: fl
     return UNDERSTATED * start.share < least_beside(hypothesis.effect, hypothesis.joint, most, accepted, settings)
 
 
-def textbook(ranked: Sequence[Scored]) -> list[Scored]:
+def excludes(one: Scored, other: Scored) -> bool:
+    """Whether two forms of a law cannot stand beside each other."""
+    return one.name in other.effect.excludes
+
+
+def textbook(ranked: Sequence[Scored], tied: float = 0.0) -> list[Scored]:
     """One form of every law, best first: the likeliest, or the one that it includes where that does nearly as well and
-    leaves no other law ahead.
+    leaves no other law ahead. Of forms that exclude each other the textbook's comes first where they are tied.
 
     A form with more freedom than the textbook's repairs what other effects have yet to explain; it can still take the
     textbook's place when they do (`diagnosis.search.generalised`).
@@ -207,6 +212,7 @@ def textbook(ranked: Sequence[Scored]) -> list[Scored]:
         rival = max((s.evidence for other, s in likeliest.items() if other != place), default=-np.inf)
         least = max(FORM * best.evidence, rival if rival < best.evidence else -np.inf)
         simple = [s for s in own if s.name in best.effect.includes and s.evidence > least]
+        simple += [s for s in own if s.name == s.label and s.evidence > best.evidence - tied and excludes(s, best)]
         chosen.append(simple[0] if simple else best)
     return sorted(chosen, key=lambda s: -s.evidence)
 

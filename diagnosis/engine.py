@@ -77,7 +77,7 @@ FORKS = 2
 """Other ways that are tried."""
 END = 2.0
 """Budgets of simulations after which a search seeks no further effects."""
-FORESEEN = 100.0
+FORESEEN = 50.0
 """Rms of the nominal errors over that of their innovations from which the band of the motion is searched first."""
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from diagnosis.estimation import Fitted, Point, errors, finish, fit
 from diagnosis.glance import Glance, can_be_glanced_at
 from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.instants import retimed
 from diagnosis.problem import Problem
 from diagnosis.whitening import whitener
 from envs.log import Array
@@ -29,8 +30,6 @@ WORTH = 0.3
 """Least share of the best first fit's decrease for that."""
 LOBES = (-0.25, -0.1, 0.1, 0.25)
 """Moves of a disturbance's frequency, in widths of a spectral line of the longest log."""
-MOVES = 6
-"""Moves of an event's instant, each by up to 256 samples."""
 
 
 def first_fits(
@@ -166,27 +165,6 @@ def _unfiltered(problem: Problem, view: Fitted, starts: Sequence[Start], known: 
         return start, fit(problem, fitted.point, view.whitener, rounds=1, iterations=6, renewed=False)
 
     return each(converged, [item for item in found[: 2 * CARRIED] if item[1].criterion < limit])
-
-
-def retimed(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
-    """The fit with the instant of an event moved to where the innovations are smallest: there are many optima, and a
-    derivative leads to the next one only. What is no event stays as it is."""
-    effect, j = hypothesis.effect, hypothesis.joint
-    if effect.scan != "event":
-        return fitted
-    column = problem.kernel.column(effect, "time")
-    for _ in range(MOVES):
-        points = []
-        for samples in (0, *(sign * 2**k for k in range(9) for sign in (1, -1))):
-            parameters = fitted.point.parameters.copy()
-            parameters[:, j, column] += samples * problem.sample_time
-            points.append(replace(fitted.point, parameters=parameters))
-        sums = [float(np.sum(fitted.whitener(e) ** 2)) for e in errors(problem, points)]
-        best = int(np.argmin(sums))
-        if best == 0:
-            break
-        fitted = fit(problem, points[best], fitted.whitener, rounds=1, iterations=4)
-    return fitted
 
 
 def retuned(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import compress
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,15 +52,30 @@ PER_LOG = {"periodic_disturbance": (0, 1)}
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One effect on one joint (index into the problem's joints); log: the only log it lives in, or -1 for all."""
+    """One effect on one joint (index into the problem's joints); log: the only log it lives in, or -1 for all.
+
+    apart: the logs in each of which it happens at an instant of its own, if it does so.
+    """
 
     effect: Effect
     joint: int
     log: int = -1
+    apart: tuple[int, ...] = ()
+
+    @property
+    def where(self) -> str:
+        """Whether it is in all logs alike, in one of them, or at an instant of its own in each."""
+        return "##" if self.apart else ("#" if self.log >= 0 else "")
 
     @property
     def key(self) -> str:
-        return f"{self.effect.name}@{self.joint}" + (f"#{self.log}" if self.log >= 0 else "")
+        return f"{self.effect.name}@{self.joint}{self.where}" + (f"{self.log}" if self.log >= 0 else "")
+
+    def logs_of(self, parameter: int, logs: int) -> tuple[int, ...]:
+        """The logs, of so many, that have a value of their own of a parameter; -1 for one value in all."""
+        if self.apart and self.effect.parameters[parameter].name == "time":
+            return self.apart
+        return tuple(range(logs)) if parameter in PER_LOG.get(self.effect.name, ()) else (self.log,)
 
 
 Job = tuple[Hypothesis, Array, int]
@@ -110,8 +126,7 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
         size = size if size > 0 else 1e-3
         if effect.scan == "event" and parameter.name == "time":
             size = SAMPLES * problem.sample_time
-        per_log = range(problem.logs) if i in PER_LOG.get(effect.name, ()) else (hypothesis.log,)
-        for log in per_log:
+        for log in hypothesis.logs_of(i, problem.logs):
             name = f"{effect.name}.{parameter.name}@{j}" + (f"#{log}" if log >= 0 else "")
             kind = "log" if log >= 0 else "joint"
             free.append(Free(name, kind, j, offset + i, size, parameter.lower, parameter.upper, log))
@@ -195,7 +210,7 @@ def proposals(
         proposed = [next(short if own else long) for own in brief]
     for (hypothesis, _, _), starts in zip(jobs, proposed, strict=True):
         # an event in all logs and one in a single log are told apart by a fit only
-        key = f"{hypothesis.effect.name}@{hypothesis.joint}" + ("#" if hypothesis.log >= 0 else "")
+        key = f"{hypothesis.effect.name}@{hypothesis.joint}{hypothesis.where}"
         for own, start in zip(found, starts, strict=True):
             own.setdefault(key, []).append(start)
     lists = []
@@ -256,7 +271,7 @@ def _trials(
             if other != a:
                 single[:, other] = 0.0
         trials.append(extend(problem, point, hypothesis, single))
-        slots.append((a, list(range(problem.logs)) if a in PER_LOG.get(effect.name, ()) else [hypothesis.log]))
+        slots.append((a, list(hypothesis.logs_of(a, problem.logs))))
     return trials, slots
 
 
@@ -395,7 +410,7 @@ def _scan_time(
     power = np.maximum(tool.power(2 * np.pi * frequency, problem.sample_time), 1e-300)
     for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
         score += 2 * np.abs(np.fft.rfft(tool.correlation[a:b], n)) ** 2 / ((b - a) * power * tool.variance)
-    valid = (frequency > 0.7 / size.duration) & (frequency < 0.45 / problem.sample_time)
+    valid = (frequency > 0.7 / size.duration) & (frequency < 0.45 / (problem.decimation * problem.sample_time))
     score[~valid] = 0.0
     found = []
     for index in _peaks(score, 3, spacing=4):
@@ -416,7 +431,7 @@ def _scan_position(
     span = max(float(np.ptp(q)), 1e-12)
     least = 2.0 if problem.revolute else 2 * np.pi / span
     spacing = min(np.pi / span / 3, 1.0) if not problem.revolute else min(np.pi / span / 3, 0.5)
-    most = min(0.5 * np.pi / (problem.sample_time * size.velocity_rms), CYCLES * spacing)
+    most = min(0.5 * np.pi / (problem.decimation * problem.sample_time * size.velocity_rms), CYCLES * spacing)
     if problem.revolute:
         most = min(most, 1200.0)
     cycles = np.arange(least, most, spacing)
@@ -449,37 +464,80 @@ def _scan_position(
 def _scan_events(
     problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales
 ) -> list[tuple[Hypothesis, Array, int]]:
-    """Matched filters: pulses of several lengths (collision) or a step of the inertia (payload)."""
+    """What matched filters show best, as an event of one log, of all at one instant, and of each at its own."""
     found = []
-    for log, (a, b) in enumerate(zip(problem.bounds[:-1], problem.bounds[1:], strict=True)):
-        time = problem.time[a:b] - problem.time[a]
-        usable = time > problem.burn_in
-        c = tool.correlation[a:b] * usable
-        searched = int((b - a) / max(1, len(tool.response) // 10))
-        if effect.name == "collision":
-            for height, width, index in _pulses(c, tool, problem.sample_time):
-                seconds = width * problem.sample_time
-                values = np.tile([0.05 * size.torque_rms, time[index], seconds, 0.3], (problem.logs, 1))
-                found.append((height, Hypothesis(effect, joint, log), values, LENGTHS * searched))
-                found.append((height, Hypothesis(effect, joint), values, LENGTHS * searched))
-        else:
-            acceleration = smooth_derivatives(time, problem.reading[a:b, joint : joint + 1], 0.02)[2][:, 0] * usable
-            filtered = fftconvolve(acceleration, tool.response)[: b - a]
-            part = np.cumsum(c * acceleration)
-            norm = np.cumsum(filtered**2)
-            if norm[-1] <= 0:
-                continue
-            share = norm / norm[-1]
-            spread = norm * (1 - share) * tool.variance
-            score = np.where(
-                (share > 0.02) & (share < 0.98), (part - share * part[-1]) ** 2 / np.maximum(spread, 1e-300), 0.0
-            )
-            index = int(np.argmax(score))
-            values = np.tile([0.05 * size.inertia, time[index]], (problem.logs, 1))
-            found.append((score[index], Hypothesis(effect, joint, log), values, searched))
-            found.append((score[index], Hypothesis(effect, joint), values, searched))
+    seen = [seen_events(problem, tool, effect, joint, size, log) for log in range(problem.logs)]
+    for log, event in ((log, event) for log, events in enumerate(seen) for event in events):
+        values = np.tile(event.values, (problem.logs, 1))
+        found.append((event.score, Hypothesis(effect, joint, log), values, event.searched))
+        found.append((event.score, Hypothesis(effect, joint), values, event.searched))
     found.sort(key=lambda item: -item[0])
-    return [item[1:] for item in found[:6]]
+    return [*(item[1:] for item in found[:6]), *_apart(problem, effect, joint, size, seen)]
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """What a matched filter shows in one log: decrease of -2 log likelihood, values (size,), and how many were
+    searched."""
+
+    score: float
+    values: Array
+    searched: int
+
+
+def seen_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales, log: int) -> list[Event]:
+    """Matched filters on one log: pulses of several lengths (collision) or a step of the inertia (payload)."""
+    a, b = problem.bounds[log], problem.bounds[log + 1]
+    time = problem.time[a:b] - problem.time[a]
+    usable = time > problem.burn_in
+    c = tool.correlation[a:b] * usable
+    searched = int((b - a) / max(1, len(tool.response) // 10))
+    if effect.name == "collision":
+        pulses = _pulses(c, tool, problem.sample_time)
+        shapes = [(score, time[index], width * problem.sample_time) for score, width, index in pulses]
+        first = 0.05 * size.torque_rms
+        return [Event(score, np.array([first, at, lasts, 0.3]), LENGTHS * searched) for score, at, lasts in shapes]
+    acceleration = smooth_derivatives(time, problem.reading[a:b, joint : joint + 1], 0.02)[2][:, 0] * usable
+    filtered = fftconvolve(acceleration, tool.response)[: b - a]
+    part = np.cumsum(c * acceleration)
+    norm = np.cumsum(filtered**2)
+    if norm[-1] <= 0:
+        return []
+    share = norm / norm[-1]
+    spread = norm * (1 - share) * tool.variance
+    inside = (share > 0.02) & (share < 0.98)
+    score = np.where(inside, (part - share * part[-1]) ** 2 / np.maximum(spread, 1e-300), 0.0)
+    index = int(np.argmax(score))
+    return [Event(float(score[index]), np.array([0.05 * size.inertia, time[index]]), searched)]
+
+
+def _apart(
+    problem: Problem, effect: Effect, joint: int, size: Scales, seen: Sequence[Sequence[Event]]
+) -> list[tuple[Hypothesis, Array, int]]:
+    """The strongest event at an instant of its own in every log that shows one of about its length; none where only one
+    log does."""
+    every = [event for events in seen for event in events]
+    if not every:
+        return []
+    strongest, names = max(every, key=lambda event: event.score), [p.name for p in effect.parameters]
+    lasts = [i for i, name in enumerate(names) if name == "duration"]
+
+    def is_alike(event: Event) -> bool:
+        worth = event.score > np.log(len(problem.time)) + 2.0 * np.log(event.searched)
+        return bool(worth and np.all(np.abs(np.log2(event.values[lasts] / strongest.values[lasts])) <= 1.0))
+
+    best = {
+        log: max(alike, key=lambda event: event.score)
+        for log, events in enumerate(seen)
+        if (alike := [event for event in events if is_alike(event)])
+    }
+    if len(best) < 2:
+        return []
+    values = np.tile(strongest.values, (problem.logs, 1))
+    values[:, names.index("time")] = 2.0 * size.duration  # beyond the end of logs without it
+    for log, event in best.items():
+        values[log, names.index("time")] = event.values[names.index("time")]
+    return [(Hypothesis(effect, joint, apart=tuple(best)), values, prod(event.searched for event in best.values()))]
 
 
 def _pulses(correlation: Array, tool: Adjoint, dt: float) -> list[tuple[float, int, int]]:

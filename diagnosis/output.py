@@ -49,6 +49,7 @@ def effect_dict(effect: NamedEffect) -> dict[str, Any]:
         "joint": effect.joint,
         "stage": effect.stage,
         "only_in": effect.only_in,
+        "instants": dict(effect.instants),
         "parameters": {
             p.name: {**asdict(p.physical), "input_equivalent": asdict(p.input_equivalent)} for p in effect.parameters
         },

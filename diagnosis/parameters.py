@@ -228,7 +228,7 @@ def effect_parameters(
     beside = {HEAT: heat(problem, fitted.point, j)} if effect.label == "thermal_drift" else {}
 
     def values(x: Array) -> Array:
-        """Canonical values; of what is free in every log the rms of the logs, of phases that of the first log."""
+        """Canonical values; of what is free in every log the rms of all, of instants and phases that of the first."""
         each = [
             own.change(
                 {**beside, INERTIA: float(x[inertia])}
@@ -238,7 +238,7 @@ def effect_parameters(
         ]
         first = np.array([each[0][name] for name in own.dimensions])
         for i, name in enumerate(own.dimensions):
-            if len(each) > 1 and name != "phase":
+            if len(each) > 1 and name not in INSTANTS:
                 first[i] = math.sqrt(sum(e[name] ** 2 for e in each) / len(each))
         return first
 
@@ -254,7 +254,7 @@ def effect_parameters(
         [0.0 if name in INSTANTS else INEXACT * value for name, value in zip(own.dimensions, centre, strict=True)]
     )
     deviations = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, spread, slopes), 0.0) + least**2)
-    begin = float(problem.time[problem.bounds[max(log, 0)]])
+    begin = float(problem.time[problem.bounds[max(log, *item.scored.start.hypothesis.apart[:1], 0)]])
     found = []
     for (name, dimension), value, std in zip(own.dimensions.items(), centre, deviations, strict=True):
         value = _on_the_logs_clock(effect, name, float(value), begin, dict(zip(own.dimensions, centre, strict=True)))

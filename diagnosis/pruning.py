@@ -13,6 +13,7 @@ from diagnosis.choice import materiality
 from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import proposals, sizes_of, withdraw
+from diagnosis.instants import happens
 from diagnosis.other_bases import DRY
 from diagnosis.problem import Problem
 from diagnosis.regression import View
@@ -209,13 +210,14 @@ def significant(
 def general(
     problem: Problem, held_out: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
 ) -> tuple[list[Accepted], Fitted]:
-    """Without weak effects that make data that nobody fitted less likely; an event of a single log need not happen
-    there."""
+    """Without weak effects that make data that nobody fitted less likely, and weak events that do not happen there,
+    unless they are those of a single log."""
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
         if item.scored.evidence > settings.weak or item.scored.start.hypothesis.log >= 0:
             continue
-        smaller = without(problem, base, item)
-        if deviance(held_out, smaller) < deviance(held_out, base):
+        smaller, there = without(problem, base, item), started(held_out, base.point, base.whitener)
+        is_there = happens(held_out, there, item.effect, item.joint)
+        if not is_there or deviance(held_out, smaller) < deviance(held_out, base):
             accepted, base = [other for other in accepted if other is not item], smaller
     return accepted, base
 

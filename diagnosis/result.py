@@ -8,7 +8,7 @@ alone determine no more.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from diagnosis.finding import Verdict
@@ -71,6 +71,7 @@ class NamedEffect:
 
     alternatives: what explains the logs as well. considered: all hypotheses that were fitted when it was accepted,
     itself among them, best first. only_in: the log it occurs in, for an event that happens in one recording only.
+    instants: by log the instant [s] of an event that happens in each at its own; the parameter `time` is the first.
     """
 
     name: str
@@ -83,6 +84,7 @@ class NamedEffect:
     alternatives: tuple[Alternative, ...]
     only_in: str | None = None
     considered: tuple[Alternative, ...] = ()
+    instants: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from diagnosis.estimation import Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
 from diagnosis.finding import WORST, Accepted, Finding, Verdict
 from diagnosis.hopping import likely
+from diagnosis.instants import own_instants
 from diagnosis.isolability import isolability
 from diagnosis.lags import instead_of_winding
 from diagnosis.ledger import WINDOW, Step, failures, floor_of, gap, given_point, rows, steps
@@ -65,7 +66,7 @@ from diagnosis.result import (
 from diagnosis.rivals import rival_rows
 from diagnosis.search import Ranked, Scored
 from diagnosis.settings import Settings
-from diagnosis.text import joint_sentence, table
+from diagnosis.text import enumerated, joint_sentence, table
 from diagnosis.unreached_limits import limits_decided
 from envs.log import Array, Log
 from envs.log_files import write_atomically
@@ -196,7 +197,7 @@ def diagnose(
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
             solved_notes = (timing_said, growth_said, lags_said, winding_said, limit_said, open_law_said, budget_said)
-            notes = (scale_said(result), *(said(solved, j) for said in solved_notes))
+            notes = (scale_said(result), instants_said(result), *(said(solved, j) for said in solved_notes))
             findings += filter(None, notes)
         if solved.rest:
             findings.append(f"joint {group[0]}: {solved.rest}")
@@ -282,6 +283,16 @@ def scale_said(result: JointResult) -> str:
         f"joint {result.joint}: {names} are all about {factor:.2g} times those of the robot's description: a gear "
         "ratio, a unit, or the scale of its position or command is wrong"
     )
+
+
+def instants_said(result: JointResult) -> str:
+    """When events happen in the logs, where that is another instant in each; nothing otherwise."""
+    apart = [effect for effect in result.effects if effect.instants]
+    said = [
+        f"{title(effect.name)} at {enumerated([f'{t:.4g} s in {log}' for log, t in effect.instants.items()])}"
+        for effect in apart
+    ]
+    return f"joint {result.joint}: {'; '.join(said)}; what it does is the same" if said else ""
 
 
 def growth_said(solved: Solved, j: int) -> str:
@@ -559,6 +570,7 @@ def named_effect(solved: Solved, item: Accepted, spread: Array, joint: int, unit
         ),
         only_in=solved.problem.names[hypothesis.log] if hypothesis.log >= 0 and solved.problem.logs > 1 else None,
         considered=alternatives(solved, item.considered),
+        instants=own_instants(solved.problem, solved.finding.final.point, effect, item.joint),
     )
 
 

@@ -10,9 +10,10 @@ from typing import TypeVar
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
-from diagnosis.first_fits import first_fits, further, on_all_samples, retimed, retuned, seen_in_part
+from diagnosis.first_fits import first_fits, further, on_all_samples, retuned, seen_in_part
 from diagnosis.glance import Glance, can_be_glanced_at, glance
 from diagnosis.hypotheses import AT_ONCE, MEMORY, Hypothesis, Start, extend, proposals, sizes_of, withdraw
+from diagnosis.instants import apart_in, retimed
 from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
 from diagnosis.problem import Problem
 from diagnosis.regression import View
@@ -102,7 +103,8 @@ def price(problem: Problem, start: Start, samples: int) -> float:
     """What an effect is charged: ln N per parameter and 2 ln(number of shapes searched)."""
     effect = start.hypothesis.effect
     extra = sum(problem.logs - 1 for f in effect.parameters if f.name in ("sine", "cosine") and effect.scan == "time")
-    return (effect.size + extra) * np.log(samples) + 2.0 * np.log(max(start.searched, 1))
+    extra += max(len(start.hypothesis.apart) - 1, 0)
+    return (effect.size + extra) * np.log(samples) + 2.0 * np.log(float(max(start.searched, 1)))
 
 
 def try_all(
@@ -472,8 +474,9 @@ def generalised(
     leave least of the errors, to first order in all parameters; a second point, where there is one, has those with
     which both forms are the same.
     """
-    base, hypothesis = view.fitted, Hypothesis(effect, joint)
-    without = base.point
+    base, without = view.fitted, view.fitted.point
+    apart = next((own for inner in parts if (own := apart_in(without, inner, joint))), ())
+    hypothesis = Hypothesis(effect, joint, apart=apart)
     for inner in parts:
         without = withdraw(problem, without, inner.name, joint)
     shapes = [tuple(v) for v in effect.starts(size)] if effect.starts else []

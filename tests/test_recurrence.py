@@ -1,6 +1,8 @@
-"""Events that happen in one log or in all of them."""
+"""Events that happen in one log, in all of them, or at an instant of its own in each."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,10 +10,12 @@ import pytest
 from diagnosis.estimation import Fitted, fit
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.instants import apart_in
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, stack
+from diagnosis.pruning import elsewhere
 from diagnosis.recurrence import recurrences_settled
-from diagnosis.search import Scored
+from diagnosis.search import Scored, polish, price, try_all
 from envs.log import JointFacts, Log
 from methods.base import State
 from methods.effects import built_in
@@ -24,6 +28,7 @@ JOINT = {"inertia": 0.07, "viscous": 0.3, "back_emf": 0.0, "electrical_time_cons
 FRICTION = {"coulomb_friction": {"torque": 0.1}}
 PAYLOAD = {"payload_change": {"inertia": 0.02, "time": 4.0}}
 STEP = 1e-5
+STRUCTURE = (JointStructure(input="torque", electrical=False),)
 
 
 def record(effects: dict[str, dict[str, float]], seed: int) -> Log:
@@ -36,9 +41,45 @@ def record(effects: dict[str, dict[str, float]], seed: int) -> Log:
     return Log(time, command, STEP * np.round(position / STEP), (1,), facts=(facts,), name=f"log {seed}")
 
 
+def payload(instant: float) -> dict[str, dict[str, float]]:
+    return {"payload_change": {"inertia": 0.02, "time": instant}}
+
+
+@pytest.mark.parametrize(("instants", "own"), [((4.0, 6.0), True), ((4.0, 4.0), False)])
+def test_a_load_is_picked_up_at_an_instant_of_its_own_in_every_log(instants: tuple[float, ...], own: bool) -> None:
+    logs = [record(payload(instant), log) for log, instant in enumerate(instants)]
+    problem = stack(build(EFFECTS), logs, (1,))
+    base = fit_nominal(problem, STRUCTURE)
+    best = polish(problem, base, try_all(problem, base, [(NAMED["payload_change"], 0)])[0])
+    (item,), fitted = recurrences_settled(problem, [Accepted(best, 0.1, ())], best.fitted)
+    hypothesis, found, columns = item.scored.start.hypothesis, fitted.point, problem.kernel.own(item.effect)
+    assert hypothesis.apart == ((0, 1) if own else ())
+    assert hypothesis.log == -1
+    assert found.parameters[:, 0, columns] == pytest.approx(np.array([[0.02, t] for t in instants]), rel=0.001)
+    assert item.scored.evidence == pytest.approx(
+        base.criterion - fitted.criterion - price(problem, item.scored.start, base.samples)
+    )
+    prices = [price(problem, replace(best.start, hypothesis=replace(hypothesis, apart=a)), 1000) for a in ((0, 1), ())]
+    assert prices[0] - prices[1] == pytest.approx(np.log(1000))
+    assert apart_in(found, NAMED["payload_change"], 0) == hypothesis.apart
+
+
+@pytest.mark.parametrize("instant", [2.5, 5.0, None])
+def test_the_instant_of_an_event_in_another_log_is_found_there(instant: float | None) -> None:
+    fitted_logs, other = [record(payload(4.0), log) for log in (0, 1)], record(payload(instant) if instant else {}, 2)
+    problem, held_out = (stack(build(EFFECTS), logs, (1,)) for logs in (fitted_logs, [other]))
+    nominal = fit_nominal(problem, STRUCTURE).point
+    event = Hypothesis(NAMED["payload_change"], 0)
+    base = fit(problem, extend(problem, nominal, event, np.tile([0.02, 4.0], (2, 1))), rounds=2, iterations=8)
+    found = elsewhere(held_out, base)
+    there = found.point.parameters[0, 0, problem.kernel.column(NAMED["payload_change"], "time")]
+    assert there == pytest.approx(instant, abs=0.005) if instant else there > 8.0
+    assert np.std(found.error[held_out.used]) < STEP
+
+
 def found_at(problem: Problem, log: int) -> tuple[list[Accepted], Fitted]:
     """Friction and a payload that is taken for one of this log, or of all (-1)."""
-    point, items = fit_nominal(problem, (JointStructure(input="torque", electrical=False),)).point, []
+    point, items = fit_nominal(problem, STRUCTURE).point, []
     for name, values, place in (("coulomb_friction", [0.1], -1), ("payload_change", [0.02, 4.0], log)):
         start = Start(Hypothesis(NAMED[name], 0, place), np.tile(values, (problem.logs, 1)), 0.0)
         point = extend(problem, point, start.hypothesis, start.values)

@@ -28,14 +28,15 @@ from diagnosis.competition import confirmed, in_other_terms, simpler_rivals
 from diagnosis.engine import Path, Search, find, is_foreseen, with_jitter
 from diagnosis.estimation import errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.finding import Accepted, Finding, near_equals
-from diagnosis.first_fits import nearest, retimed, retuned
-from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, sizes_of, withdraw
+from diagnosis.first_fits import nearest, retuned
+from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, scan, sizes_of, withdraw
 from diagnosis.imitation import Signals, imitating, resistance
+from diagnosis.instants import retimed
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.other_bases import also_from_regression, also_without_limits, settled_anew
-from diagnosis.problem import Problem, Work, evenly, stack
+from diagnosis.problem import Problem, Work, evenly, in_band, stack
 from diagnosis.pruning import general, merged, merged_afterwards, prune, unified
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, shows_blows
@@ -580,6 +581,14 @@ def test_the_textbook_form_of_a_law_comes_first() -> None:
     assert names([general, scored("quadratic_drag", 95.0)]) == ["quadratic_drag"]
     assert names([general, scored("quadratic_drag", 50.0)]) == ["quadratic_drag_power"]
     assert names([scored("dead_zone", 60.0), general]) == ["quadratic_drag_power", "dead_zone"]
+
+
+@pytest.mark.parametrize(("behind", "first"), [(5.0, "torque_ripple"), (7.0, "torque_ripple_reciprocal")])
+def test_of_forms_that_exclude_each_other_the_textbooks_comes_first_where_they_are_tied(
+    behind: float, first: str
+) -> None:
+    tied = [scored("torque_ripple_reciprocal", 100.0), scored("torque_ripple", 100.0 - behind)]
+    assert [s.name for s in textbook(tied, 6.0)] == [first]
 
 
 @pytest.mark.parametrize(
@@ -1368,6 +1377,19 @@ def test_a_weak_event_of_all_logs_has_to_show_where_nobody_fitted() -> None:
         item = Accepted(Scored(start, fitted, 50.0, 10.0), 0.1, ())
         held_out = stack(KERNEL, [record(payload if everywhere else {}, noise(3))], (1,))
         assert general(problem, held_out, [item], fitted, Settings())[0] == ([item] if kept else [])
+
+
+@pytest.mark.parametrize("name", ["periodic_disturbance", "cogging_torque"])
+def test_waves_beyond_the_band_in_which_errors_are_compared_are_not_scanned(name: str) -> None:
+    """There each of them has the image of a slow one, of which it would explain as much."""
+    problem = in_band(problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000)))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    size = sizes_of(problem, nominal)[0]
+    found = [values[0, 2] for _, values, _ in scan(problem, nominal, NAMED[name], 0, size)]
+    most = 0.5 / (problem.decimation * DT) / (size.velocity_rms / np.pi if name == "cogging_torque" else 1.0)
+    assert 0 < len(found)
+    assert max(found) < most
+    assert most < 0.2 / DT
 
 
 def test_the_response_to_a_torque_is_taken_where_the_joint_moves() -> None:

@@ -112,14 +112,14 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
     the model.
 
     The velocities of `transfer` are smoothed over a stretch in which a command that sets in at once may have changed
-    them by much. Here the whitened prediction errors of a log are regressed on the responses to other states, each
-    known beforehand: velocities as `start_deviation` says, the others by their typical size.
+    them by much. Here the whitened prediction errors of a log (`seen`) are regressed on the responses to other states,
+    each known beforehand: velocities as `start_deviation` says, the others by their typical size.
     """
     whiten, states = on_logs(problem, filter_), pushes(problem, point)
     size = SMALL * np.array([item.size for item in states])
     errors_, starts = errors(problem, [point, *pushed(point, states)]), point.starts.copy()
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
-        plain, *others = whiten(of_log(problem, errors_, log)).reshape(len(states) + 1, -1)
+        plain, *others = seen(problem, whiten, errors_, log)
         noise = float(np.sqrt(np.mean(plain**2)))
         speed = start_deviation(problem, np.max(np.abs(problem.velocity[a:b]), axis=0))
         deviation = np.array([speed[item.joint] if item.column == VELOCITY else item.size for item in states])
@@ -128,8 +128,25 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
         for item, own in zip(states, change, strict=True):
             starts[log, item.joint, item.column] -= own
     moved = replace(point, starts=starts)
-    better = np.sum(whiten(errors(problem, [moved])[0]) ** 2) < np.sum(whiten(errors_[0]) ** 2)
-    return moved if better else point
+    both = np.stack([errors_[0], errors(problem, [moved])[0]])
+    before, after = sum(np.sum(seen(problem, whiten, both, log) ** 2, axis=1) for log in range(problem.logs))
+    return moved if after < before else point
+
+
+def seen(problem: Problem, whiten: Whitener, errors_: Array, log: int) -> Array:
+    """What errors (C, T, n) show of the beginning of a log: their innovations (C, N), and the errors as they are before
+    the first of these.
+
+    Such errors e do not follow from those before them as far as they are innovations v: their deviation counts as
+    ``s(e)^2 / s(v)``, and they are scaled to that of the innovations.
+    """
+    a, b = problem.bounds[log], problem.bounds[log + 1]
+    innovations = whiten(of_log(problem, errors_, log)).reshape(len(errors_), problem.joints, -1)
+    rows = whiten.rows[(whiten.rows >= a) & (whiten.rows < b)]
+    own = innovations[0][:, (whiten.rows >= a) & (whiten.rows < b)]
+    share = np.mean(own**2, axis=1) / np.maximum(np.mean(errors_[0][rows] ** 2, axis=0), 1e-300)
+    early = errors_[:, a : rows[0] : problem.decimation] * np.minimum(share, 1.0)
+    return np.concatenate([innovations.reshape(len(errors_), -1), early.reshape(len(errors_), -1)], axis=1)
 
 
 def pushes(problem: Problem, point: Point) -> list[Hidden]:

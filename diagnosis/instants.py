@@ -88,7 +88,8 @@ def happens(problem: Problem, point: Point, effect: Effect, joint: int) -> bool:
     """Whether an effect of a model does anything in these logs: an event need not happen in them."""
     if effect.scan != "event":
         return True
-    return bool(np.any(point.parameters[:, joint, problem.kernel.column(effect, "time")] < problem.longest))
+    time = point.parameters[:, joint, problem.kernel.column(effect, "time")]
+    return bool(point.switches[joint, problem.kernel.switches[effect.name]] and np.any(time < problem.longest))
 
 
 def with_instants(problem: Problem, point: Point, filter_: Whitener) -> Point:

@@ -210,10 +210,10 @@ def significant(
 def general(
     problem: Problem, held_out: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
 ) -> tuple[list[Accepted], Fitted]:
-    """Without weak effects that make data that nobody fitted less likely, and weak events that do not happen there,
-    unless they are those of a single log."""
+    """Without weak effects that make data that nobody fitted less likely, and weak events that do not happen there:
+    that one happens in one log only needs more evidence."""
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
-        if item.scored.evidence > settings.weak or item.scored.start.hypothesis.log >= 0:
+        if item.scored.evidence > settings.weak:
             continue
         smaller, there = without(problem, base, item), started(held_out, base.point, base.whitener)
         is_there = happens(held_out, there, item.effect, item.joint)

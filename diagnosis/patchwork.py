@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.estimation import Fitted, errors, predicted_motion
 from diagnosis.imitation import Signals, resistance
-from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
+from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS, WINDING
 from diagnosis.problem import Problem
 from diagnosis.projection import project
 from envs.log import Array
@@ -46,6 +46,7 @@ class Patchwork(Enum):
     DEAD_ZONE = "a dead zone of the motor torque"
     POSITION = "one smooth torque of the position"
     STATIC = "one static law"
+    DRIVE = "one law of the drive"
 
 
 def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], margin: float) -> dict[int, Patchwork]:
@@ -56,6 +57,7 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
     Torques of the position: they nearly cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a
     polynomial of the position with as many coefficients explains the logs as well, up to `margin` of -2 log likelihood.
     All laws without a memory: an offset far beyond the commands that an asymmetry takes back is a piece of another law.
+    Laws of the command and of the motor torque, where this is the command: neither has its textbook's form.
     """
     found: dict[int, Patchwork] = {}
     for j in range(problem.joints):
@@ -74,6 +76,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
             found[j] = Patchwork.POSITION
         elif is_balanced(problem, final, j, own):
             found[j] = Patchwork.STATIC
+        elif is_doubled(final, j, own):
+            found[j] = Patchwork.DRIVE
     return found
 
 
@@ -143,6 +147,14 @@ def is_balanced(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect])
         return False
     size = np.sqrt(np.mean(np.square([*taken, np.sum(taken, axis=0)]), axis=1))
     return bool(size[-1] < CANCELLING * np.max(size[:-1]))
+
+
+def is_doubled(final: Fitted, j: int, laws: Sequence[Effect]) -> bool:
+    """Whether a general form of a law of the command and one of the motor torque stand side by side where these are the
+    same signal: a drive that is given its torque saturates once, in a way that neither describes."""
+    row = final.point.parameters[0, j]
+    general = {effect.variable for effect in laws if effect.neutral}
+    return row[BACK_EMF] == row[WINDING] == 0.0 and {"command", "motor torque"} <= general
 
 
 def is_polynomial(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect], margin: float) -> bool:

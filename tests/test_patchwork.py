@@ -8,8 +8,9 @@ import pytest
 from diagnosis.estimation import Fitted, fit
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.lags import BACK_EMF, WINDING
 from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.patchwork import Patchwork, is_polynomial, patchwork, rms_velocity
+from diagnosis.patchwork import Patchwork, is_doubled, is_polynomial, patchwork, rms_velocity
 from diagnosis.problem import Problem, stack
 from diagnosis.search import Scored
 from envs.log import JointFacts, Log
@@ -111,3 +112,21 @@ def test_an_offset_and_an_asymmetry_that_cancel_are_pieces_of_another_law(
     balanced = replace(nominal, point=point)
     accepted = [Accepted(Scored(start, balanced, 1e3, 10.0), 0.1, ()) for start in starts]
     assert patchwork(problem, balanced, accepted, MARGIN) == ({0: Patchwork.STATIC} if is_one else {})
+
+
+@pytest.mark.parametrize(
+    ("lag", "torque_law", "is_one"),
+    [
+        (0.0, "torque_constant_saturation_power", True),
+        (0.0, "torque_constant_saturation", False),
+        (0.004, "torque_constant_saturation_power", False),
+    ],
+)
+def test_two_bent_saturations_of_a_drive_that_is_given_its_torque_are_one(
+    lag: float, torque_law: str, is_one: bool
+) -> None:
+    nominal = fit_nominal(problem_of({}, 1.2, 1e-5), (JointStructure(),))
+    parameters = nominal.point.parameters.copy()
+    parameters[:, 0, [BACK_EMF, WINDING]] = 0.0, lag
+    final = replace(nominal, point=replace(nominal.point, parameters=parameters))
+    assert is_doubled(final, 0, [NAMED["gradual_voltage_saturation"], NAMED[torque_law]]) == is_one

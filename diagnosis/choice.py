@@ -148,6 +148,8 @@ def choose(
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
         least_share = material
+        if not accepted and is_foreign_to_motion(scored.effect) and scored.evidence > settings.weak:
+            least_share = 0.0
         if scored.decrease <= settings.inexact * explained and law(scored.start) not in there:
             least_share = least_beside(scored.effect, hypothesis.joint, scored.evidence, accepted, settings)
         if share >= least_share:
@@ -161,6 +163,12 @@ def choose(
             )
             return Accepted(scored, share, rivals, ranking(ranked))
     return None
+
+
+def is_foreign_to_motion(effect: Effect) -> bool:
+    """Whether integrators and rounding, which err as the joint moves, do not bring what an effect does: it begins at an
+    instant, or follows another joint."""
+    return effect.scan == "event" or effect.has_neighbour
 
 
 def least_beside(

@@ -375,12 +375,13 @@ def adjoint(problem: Problem, base: Fitted, joint: int) -> Adjoint:
     plain = np.zeros_like(extra)
     out = errors(problem, [base.point, base.point], extra=np.concatenate([extra, plain]))
     response = (out[0] - out[1])[at : at + length, joint] / size
-    filter_ = base.whitener.coefficients[joint]
-    response = np.convolve(response, filter_)[:length]
+    return matched(problem, base, joint, np.convolve(response, base.whitener.coefficients[joint])[:length])
+
+
+def matched(problem: Problem, base: Fitted, joint: int, response: Array) -> Adjoint:
+    """The filter that is matched to a whitened impulse response (M,)."""
     innovation = np.zeros(len(problem.time))
-    mask = base.whitener.mask
-    count = int(mask.sum())
-    innovation[mask] = base.innovation[joint * count : (joint + 1) * count]
+    innovation[base.whitener.mask] = base.innovation.reshape(problem.joints, -1)[joint]
     correlation = np.zeros(len(problem.time))
     for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
         correlation[a:b] = fftconvolve(innovation[a:b], response[::-1])[len(response) - 1 :][: b - a]
@@ -422,21 +423,34 @@ def _scan_time(
 def _scan_position(
     problem: Problem, base: Fitted, tool: Adjoint, effect: Effect, joint: int, size: Scales
 ) -> list[tuple[Hypothesis, Array, int]]:
-    """Transform of the correlation over the readings; for a gain effect it is weighted with the motor torque."""
+    """Waves over the position; of a gain effect they act on the motor torque."""
     motion = predicted_motion(problem, base.point)[:, joint]
-    q, velocity = problem.position[:, joint], motion[:, 1]
-    weight = motion[:, 2] if effect.has_motor_torque else np.ones(len(q))
+    weight = motion[:, 2] if effect.has_motor_torque else np.ones(len(motion))
     if not np.any(weight):
         return []
+    cycles, score = waves(problem, tool, joint, motion[:, 1], weight)
+    found = []
+    amplitude = 0.02 * size.torque_rms if effect.slot == "torque" else 0.02
+    for index in _peaks(score, 4, spacing=3):
+        values = np.tile([amplitude, amplitude, cycles[index]], (problem.logs, 1))
+        found.append((Hypothesis(effect, joint), values, len(cycles)))
+    return found
+
+
+def waves(problem: Problem, tool: Adjoint, joint: int, velocity: Array, weight: Array) -> tuple[Array, Array]:
+    """Cycles per revolution, or per 2 pi m, of waves over the readings, and the decrease of -2 log likelihood by each:
+    transform of the correlation, weighted (T,), over the readings. None where the way is too short for any."""
+    q, nothing = problem.position[:, joint], (np.zeros(0), np.zeros(0))
     span = max(float(np.ptp(q)), 1e-12)
     least = 2.0 if problem.revolute else 2 * np.pi / span
     spacing = min(np.pi / span / 3, 1.0) if not problem.revolute else min(np.pi / span / 3, 0.5)
-    most = min(0.5 * np.pi / (problem.decimation * problem.sample_time * size.velocity_rms), CYCLES * spacing)
+    fastest = max(float(np.sqrt(np.mean(problem.velocity[:, joint] ** 2))), 1e-12)
+    most = min(0.5 * np.pi / (problem.decimation * problem.sample_time * fastest), CYCLES * spacing)
     if problem.revolute:
         most = min(most, 1200.0)
     cycles = np.arange(least, most, spacing)
     if len(cycles) < 2:
-        return []
+        return nothing
     # bin the correlation on a fine grid of angles, then transform
     bins = 1 << int(np.ceil(np.log2(min(2**17, max(64, 12 * span * cycles[-1] / (2 * np.pi))))))
     place = np.clip(((q - q.min()) / span * bins).astype(int), 0, bins - 1)
@@ -446,19 +460,13 @@ def _scan_position(
     spacing = 2 * np.pi * bins / (span * length)
     chosen = np.unique(np.round(cycles / spacing).astype(int))
     chosen = chosen[(chosen > 0) & (chosen < len(transform))]
-    if not len(chosen):  # too short a way for any of these waves
-        return []
+    if not len(chosen):
+        return nothing
     cycles, transform = chosen * spacing, transform[chosen]
     edges = np.quantile(np.abs(velocity), np.linspace(0, 1, 33))
     speeds = 0.5 * (edges[1:] + edges[:-1])
     norm = np.mean(tool.power(np.outer(cycles, speeds), problem.sample_time), axis=1) * np.sum(weight**2) / 2
-    score = np.abs(transform) ** 2 / np.maximum(norm * tool.variance, 1e-300)
-    found = []
-    amplitude = 0.02 * size.torque_rms if effect.slot == "torque" else 0.02
-    for index in _peaks(score, 4, spacing=3):
-        values = np.tile([amplitude, amplitude, cycles[index]], (problem.logs, 1))
-        found.append((Hypothesis(effect, joint), values, len(cycles)))
-    return found
+    return cycles, np.abs(transform) ** 2 / np.maximum(norm * tool.variance, 1e-300)
 
 
 def _scan_events(

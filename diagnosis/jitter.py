@@ -44,7 +44,7 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     velocity, torque = motion[:, 1], motion[:, 2]
     acceleration = np.diff(velocity, prepend=velocity[:1])
     moving = np.minimum(np.abs(velocity) * problem.sample_time / max(problem.encoder_step, 1e-300), 1.0)
-    response = _response(problem, fitted, joint)
+    response = reading_response(problem, fitted, joint)
     plain = [np.ones(len(rows)), _scatter(moving, response)[rows]]
     without = _likelihood(np.stack(plain), square)
     laws = {
@@ -61,7 +61,7 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     return Jitter(rms, float(deviations[-1]) / (2.0 * rms), min(without[0] - deviance, robust))
 
 
-def _response(problem: Problem, fitted: Fitted, joint: int) -> Array:
+def reading_response(problem: Problem, fitted: Fitted, joint: int) -> Array:
     """What an error of one reading makes of the innovations from its own sample on (K,)."""
     coefficients = fitted.whitener.coefficients[joint]
     pull = problem.leak * problem.sample_time

@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import chi2
 
+from diagnosis.encoder_waves import Wave, encoder_wave
 from diagnosis.estimation import Fitted, errors, predicted_motion, scatters
 from diagnosis.hypotheses import adjoint
 from diagnosis.jitter import jitter
@@ -84,7 +85,8 @@ class Remainder:
     same over the rms of the motor torque. beyond, beyond_share: the same up to WIDER times the band of the motion,
     where readings tell (`shows_blows`), 0 elsewhere. drifts: parameters in the order of their p-values. scattered:
     the decrease that the groups bring where such a torque is all that the model lacks, if it is one in which small
-    causes grow; deviations: rms of what it then makes of the free parameters, by their names.
+    causes grow; deviations: rms of what it then makes of the free parameters, by their names. wave: one of the readings
+    over the position (`diagnosis.encoder_waves`).
     """
 
     dependences: tuple[Dependence, ...]
@@ -98,6 +100,7 @@ class Remainder:
     drifts: tuple[Drift, ...] = ()
     scattered: float = 0.0
     deviations: Mapping[str, float] = field(default_factory=dict)
+    wave: Wave | None = None
 
     @property
     def growth(self) -> float:
@@ -203,6 +206,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         drifts(problem, fitted, joint, scatter),
         scattered(fitted, every, scatter),
         deviations(fitted, scatter),
+        encoder_wave(problem, fitted, joint),
     )
 
 

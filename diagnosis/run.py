@@ -547,6 +547,7 @@ def joint_result(
         fails_by=solved.failing.get(j),
         patched=finding.patched.get(j),
         drifts=left.drifts,
+        wave=left.wave,
         scattered=finding.scattered,
     )
     return result, own_gap, ledger

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from io import StringIO
 
@@ -82,7 +83,11 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
         drifting = [d for d in joint.drifts if d.is_certain]
         if drifting and not signals:
             depends = f"; the {parameter_title(drifting[0].parameter)} does not stay the same over the logs"
-        if joint.fails_by is not None:
+        if joint.wave is not None:
+            turn = "revolution" if joint.position_unit == "rad" else f"{2 * math.pi:.3g} m"
+            size = quantity(joint.wave.amplitude, joint.position_unit)
+            depends = f"; the readings themselves err by {size}, {joint.wave.cycles:.4g} times per {turn}"
+        elif joint.fails_by is not None:
             where = "the held-out logs" if gap and gap.on == "held-out" else "the data kept apart"
             depends = f"; on {where} the model errs {joint.fails_by}"
         measured_gain, third = f" ({adding})" if adding else "", "" if plural else "s"

@@ -40,7 +40,8 @@ def verdict(
     settings: Settings,
 ) -> Verdict:
     """none, named, ambiguous or unknown."""
-    if unexplained(problem, nominal.criterion - final.criterion, left, settings):
+    errs = any(r.wave is not None for r in left)  # the readings themselves
+    if errs or unexplained(problem, nominal.criterion - final.criterion, left, settings):
         return "unknown"
     if any(item.rivals for item in accepted):
         return "ambiguous"

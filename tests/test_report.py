@@ -10,6 +10,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from diagnosis.encoder_waves import Wave
 from diagnosis.figures import equation, report_style
 from diagnosis.ledger import simulated
 from diagnosis.model_equations import model_equations
@@ -283,6 +284,11 @@ def test_the_sentence_of_an_unknown_cause_says_whether_other_logs_gain() -> None
     assert f"{helps}, but something is missing" in joint_sentence(result, gap)
     worse = "fits these logs better but not others (adding it changes the held-out error from 41.2 to 50.0 mrad"
     assert worse in joint_sentence(result, replace(gap, after=0.05))
+
+
+def test_the_sentence_says_how_the_readings_err() -> None:
+    result = replace(joint_result(1, "unknown", "train"), wave=Wave(256.2, 8.8e-4, 0.5))
+    assert "the readings themselves err by 880 µrad, 256.2 times per revolution" in joint_sentence(result, None)
 
 
 def test_the_sentence_of_a_patchwork_says_what_the_names_stand_for() -> None:

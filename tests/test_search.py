@@ -90,6 +90,13 @@ def record(
     return Log(time, command, STEP * np.round(motion.position / STEP), (1,), facts=(facts,), name="synthetic")
 
 
+def simulated(effects: dict[str, dict[str, float]]) -> Array:
+    """Position (T, 1) of the joint of `record` as it is."""
+    log = record(effects)
+    model = StructuredModel((StructuredJoint(1, "voltage", JOINT, effects),), DT, None, EFFECTS)
+    return model.simulate(log.time, log.command, State.at_rest(0.0)).position
+
+
 def problem_of(effects: dict[str, dict[str, float]], noise: Array | None = None) -> Problem:
     return stack(KERNEL, [record(effects, noise)], (1,))
 
@@ -1045,6 +1052,25 @@ def test_a_play_is_sought_on_firm_ground() -> None:
     assert firm_ground_first(play, [tilt, spring]) == (tilt, [play, spring])
     assert firm_ground_first(play, []) == (play, [])
     assert firm_ground_first(spring, [tilt]) == (spring, [tilt])
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "is_taken"),
+    [
+        ("payload_change", {"inertia": 2e-6, "time": 5.0}, True),
+        ("amplifier_offset", {"voltage": 5e-5}, False),
+    ],
+)
+def test_what_begins_at_an_instant_may_be_smaller_than_what_integrators_bring(
+    name: str, values: dict[str, float], is_taken: bool
+) -> None:
+    log = record({name: values})
+    exact = replace(log, facts=(JointFacts(input="voltage", position_unit="rad", encoder_step=1e-9),))
+    problem = stack(KERNEL, [replace(exact, position=1e-9 * np.round(simulated({name: values}) / 1e-9))], (1,))
+    found = accepted(problem, fit_nominal(problem, (JointStructure(),)), name, list(values.values()))
+    assert found.scored.evidence > Settings().weak
+    assert materiality(problem, found.scored.fitted, name, 0) < Settings().faint
+    assert (choose(problem, [found.scored], Settings(), 0.0) is not None) == is_taken
 
 
 def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_joint() -> None:

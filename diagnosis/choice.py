@@ -150,7 +150,9 @@ def choose(
         least_share = material
         if not accepted and is_foreign_to_motion(scored.effect) and scored.evidence > settings.weak:
             least_share = 0.0
-        if scored.decrease <= settings.inexact * explained and law(scored.start) not in there:
+        elif scored.decrease > settings.inexact * explained:
+            least_share = settings.faint
+        elif law(scored.start) not in there:
             least_share = least_beside(scored.effect, hypothesis.joint, scored.evidence, accepted, settings)
         if share >= least_share:
             rivals = tuple(

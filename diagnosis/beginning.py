@@ -101,8 +101,8 @@ def beginnings_settled(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def started(problem: Problem, point: Point, filter_: Whitener) -> Point:
-    """A point fitted on other logs, made ready for these, with the instants of events, states at the
-    beginning, and phases of periodic disturbances as these logs have them."""
+    """A point fitted on other logs, made ready for these, with the instants of events, states at the beginning and
+    phases of periodic disturbances as these logs have them."""
     timed = with_instants(problem, transfer(problem, point), filter_)
     return with_phases(problem, with_states(problem, timed, filter_), filter_)
 
@@ -120,7 +120,7 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
     errors_, starts = errors(problem, [point, *pushed(point, states)]), point.starts.copy()
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
         plain, *others = seen(problem, whiten, errors_, log)
-        noise = float(np.sqrt(np.mean(plain**2)))
+        noise = float(np.sqrt(np.mean(plain[: problem.joints * len(whiten.rows)] ** 2)))
         speed = start_deviation(problem, np.max(np.abs(problem.velocity[a:b]), axis=0))
         deviation = np.array([speed[item.joint] if item.column == VELOCITY else item.size for item in states])
         basis = np.vstack([np.stack([other - plain for other in others], axis=1), np.diag(noise * size / deviation)])
@@ -134,19 +134,20 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
 
 
 def seen(problem: Problem, whiten: Whitener, errors_: Array, log: int) -> Array:
-    """What errors (C, T, n) show of the beginning of a log: their innovations (C, N), and the errors as they are before
-    the first of these.
+    """What errors (C, T, n) show of the beginning of a log: their innovations (C, N), zero in other logs, and errors as
+    they are before the first of these.
 
     Such errors e do not follow from those before them as far as they are innovations v: their deviation counts as
     ``s(e)^2 / s(v)``, and they are scaled to that of the innovations.
     """
     a, b = problem.bounds[log], problem.bounds[log + 1]
-    innovations = whiten(of_log(problem, errors_, log)).reshape(len(errors_), problem.joints, -1)
-    rows = whiten.rows[(whiten.rows >= a) & (whiten.rows < b)]
-    own = innovations[0][:, (whiten.rows >= a) & (whiten.rows < b)]
+    innovations, is_own = whiten(of_log(problem, errors_, log)), (whiten.rows >= a) & (whiten.rows < b)
+    if not np.any(is_own):
+        return innovations
+    own, rows = innovations[0].reshape(problem.joints, -1)[:, is_own], whiten.rows[is_own]
     share = np.mean(own**2, axis=1) / np.maximum(np.mean(errors_[0][rows] ** 2, axis=0), 1e-300)
     early = errors_[:, a : rows[0] : problem.decimation] * np.minimum(share, 1.0)
-    return np.concatenate([innovations.reshape(len(errors_), -1), early.reshape(len(errors_), -1)], axis=1)
+    return np.concatenate([innovations, early.reshape(len(errors_), -1)], axis=1)
 
 
 def pushes(problem: Problem, point: Point) -> list[Hidden]:

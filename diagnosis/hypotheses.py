@@ -42,6 +42,8 @@ CLOSE = 0.07
 """Relative distance of these lengths."""
 LENGTHS = 40
 """How many of them count as searched."""
+NEVER = 2.0
+"""Instant, over the length of the longest log, of an event that a log does not have."""
 AT_ONCE = 16
 """Hypotheses that are simulated at once."""
 MEMORY = 4_000_000
@@ -542,7 +544,7 @@ def _apart(
     if len(best) < 2:
         return []
     values = np.tile(strongest.values, (problem.logs, 1))
-    values[:, names.index("time")] = 2.0 * size.duration  # beyond the end of logs without it
+    values[:, names.index("time")] = NEVER * size.duration
     for log, event in best.items():
         values[log, names.index("time")] = event.values[names.index("time")]
     return [(Hypothesis(effect, joint, apart=tuple(best)), values, prod(event.searched for event in best.values()))]

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, fit
-from diagnosis.hypotheses import Hypothesis, adjoint, seen_events, sizes_of
+from diagnosis.hypotheses import NEVER, Hypothesis, adjoint, seen_events, sizes_of
 from diagnosis.problem import Problem
 from diagnosis.whitening import Whitener, on_logs
 from envs.log import Array
@@ -21,8 +21,6 @@ MOVES = 6
 """Moves of an event's instant, each by up to 256 samples."""
 SHIFTS = np.array([0, *(sign * 2**k for k in range(9) for sign in (1, -1))])
 """These moves in samples, none at first."""
-NEVER = 2.0
-"""Instant, over the length of the longest log, of an event that a log does not have."""
 
 
 def retimed(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
@@ -95,8 +93,9 @@ def happens(problem: Problem, point: Point, effect: Effect, joint: int) -> bool:
 def with_instants(problem: Problem, point: Point, filter_: Whitener) -> Point:
     """A point that was fitted on other logs with the instants of its events in these."""
     whiten = on_logs(problem, filter_)
+    events = {effect.label for effect in problem.kernel.effects if effect.scan == "event"}
     for effect in problem.kernel.effects:
-        if "time" in (parameter.name for parameter in effect.parameters):
+        if effect.label in events:
             for joint in np.flatnonzero(point.switches[:, problem.kernel.switches[effect.name]]):
                 point = _found(problem, point, effect, int(joint), whiten)
     return point

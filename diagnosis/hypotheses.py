@@ -572,7 +572,7 @@ def _pulses(correlation: Array, tool: Adjoint, dt: float) -> list[tuple[float, i
 def _peaks(score: Array, count: int, spacing: int) -> list[int]:
     """Indices of the highest values that keep a distance from each other."""
     left, found = score.copy(), []
-    for _ in range(count):
+    for _ in range(count if len(score) else 0):
         index = int(np.argmax(left))
         if left[index] <= 0:
             break

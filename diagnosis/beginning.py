@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, predicted_motion
-from diagnosis.instants import with_instants
+from diagnosis.instants import log_of, with_instants
 from diagnosis.problem import Free, Problem, start_deviation
 from diagnosis.replay import transfer
 from diagnosis.turns import free_of_filter
@@ -140,13 +140,12 @@ def seen(problem: Problem, whiten: Whitener, errors_: Array, log: int) -> Array:
     Such errors e do not follow from those before them as far as they are innovations v: their deviation counts as
     ``s(e)^2 / s(v)``, and they are scaled to that of the innovations.
     """
-    a, b = problem.bounds[log], problem.bounds[log + 1]
-    innovations, is_own = whiten(of_log(problem, errors_, log)), (whiten.rows >= a) & (whiten.rows < b)
+    innovations, is_own = whiten(of_log(problem, errors_, log)), log_of(problem, whiten) == log
     if not np.any(is_own):
         return innovations
     own, rows = innovations[0].reshape(problem.joints, -1)[:, is_own], whiten.rows[is_own]
     share = np.mean(own**2, axis=1) / np.maximum(np.mean(errors_[0][rows] ** 2, axis=0), 1e-300)
-    early = errors_[:, a : rows[0] : problem.decimation] * np.minimum(share, 1.0)
+    early = errors_[:, problem.bounds[log] : rows[0] : problem.decimation] * np.minimum(share, 1.0)
     return np.concatenate([innovations, early.reshape(len(errors_), -1)], axis=1)
 
 

@@ -126,7 +126,6 @@ def choose(
     if not ranked:
         return None
     top = ranked[0]
-    material = settings.material if accepted else settings.faint
     margin = max(settings.rival, 0.02 * top.decrease)
     there = {(item.label, item.joint) for item in accepted}
     if top.decrease < max(0.0 if law(top.start) in there else settings.minor * explained, least):
@@ -147,7 +146,7 @@ def choose(
     for scored in sorted(repairs or near, key=lambda s: (s.effect.size, -s.evidence)):
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
-        least_share = material
+        least_share = settings.material
         if not accepted and is_foreign_to_motion(scored.effect) and scored.evidence > settings.weak:
             least_share = 0.0
         elif scored.decrease > settings.inexact * explained:

@@ -60,8 +60,12 @@ def at(point: Point, joint: int, column: int, instants: Array) -> Point:
 def per_log(problem: Problem, whiten: Whitener, error: Array) -> Array:
     """Sum of squared innovations of every log (L,)."""
     squares = np.sum(whiten(error).reshape(problem.joints, -1) ** 2, axis=0)
-    sums = np.bincount(np.searchsorted(problem.bounds, whiten.rows, side="right") - 1, squares, problem.logs)
-    return np.asarray(sums, dtype=np.float64)
+    return np.asarray(np.bincount(log_of(problem, whiten), squares, problem.logs), dtype=np.float64)
+
+
+def log_of(problem: Problem, whiten: Whitener) -> np.ndarray:
+    """The log of every innovation of a joint (N,)."""
+    return np.searchsorted(problem.bounds, whiten.rows, side="right") - 1
 
 
 def apart_in(point: Point, effect: Effect, joint: int) -> tuple[int, ...]:
@@ -122,10 +126,10 @@ def _found(problem: Problem, point: Point, effect: Effect, joint: int, whiten: W
         other = moved[best, np.arange(problem.logs)]
         if not np.any(best):
             break
-    own = point.parameters[:, joint, column]
-    options = np.array([own, never, other])
-    costs = np.array([per_log(problem, whiten, errors(problem, [at(point, joint, column, o)])[0]) for o in options])
-    count = np.bincount(np.searchsorted(problem.bounds, whiten.rows, side="right") - 1, minlength=problem.logs)
+    options = np.array([point.parameters[:, joint, column], never, other])
+    outcomes = errors(problem, [at(point, joint, column, instants) for instants in options])
+    costs = np.array([per_log(problem, whiten, error) for error in outcomes])
+    count = np.bincount(log_of(problem, whiten), minlength=problem.logs)
     deviance = problem.joints * count * np.log(np.maximum(costs, 1e-300))
     deviance[1:] += 3.0 * np.log(np.maximum(count, 1))
     return at(point, joint, column, options[np.argmin(deviance, axis=0), np.arange(problem.logs)])

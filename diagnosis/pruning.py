@@ -215,19 +215,24 @@ def general(
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
         if item.scored.evidence > settings.weak:
             continue
-        smaller, there = without(problem, base, item), started(held_out, base.point, base.whitener)
-        is_there = happens(held_out, there, item.effect, item.joint)
-        if not is_there or deviance(held_out, smaller) < deviance(held_out, base):
+        smaller, there = without(problem, base, item), elsewhere(held_out, base)
+        is_there = happens(held_out, there.point, item.effect, item.joint)
+        if not is_there or deviance(held_out, smaller) < misfit(there):
             accepted, base = [other for other in accepted if other is not item], smaller
     return accepted, base
 
 
 def deviance(held_out: Problem, fitted: Fitted) -> float:
     """-2 log likelihood, up to a constant, of data that were not fitted: their innovations by the fit's own filter."""
-    innovation = elsewhere(held_out, fitted).innovation.reshape(held_out.joints, -1)
+    return misfit(elsewhere(held_out, fitted))
+
+
+def misfit(there: Fitted) -> float:
+    """-2 log likelihood, up to a constant, of the innovations that a model leaves as it is."""
+    innovation = there.innovation.reshape(len(there.whitener.coefficients), -1)
     if not innovation.size:
         return 0.0
-    return float(innovation.shape[1] * np.sum(np.log(np.mean(innovation**2, axis=1) + fitted.floor)))
+    return float(innovation.shape[1] * np.sum(np.log(np.mean(innovation**2, axis=1) + there.floor)))
 
 
 def elsewhere(held_out: Problem, fitted: Fitted) -> Fitted:

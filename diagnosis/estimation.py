@@ -102,7 +102,9 @@ def plain(problem: Problem, fitted: Fitted) -> Fitted:
 
     What the nominal parameters can explain of them to first order is taken away.
     """
-    filter_ = unfiltered(problem, fitted.whitener.mask)
+    mask = np.zeros_like(fitted.whitener.mask)
+    mask[fitted.whitener.rows[fitted.whitener.late]] = True
+    filter_ = unfiltered(problem, mask)
     view = finish(problem, fitted.point, fitted.error, filter_, fitted.iterations)
     scale = view.weights
     scaled = view.innovation * scale
@@ -159,7 +161,8 @@ class Fitted:
         known = sum(
             ((x - f.centre) / f.deviation) ** 2 for f, x in zip(self.point.free, self.point.vector, strict=True)
         )
-        return float(count * np.sum(np.log(spread + self.floor)) + known)
+        began = float(np.sum(self.whitener.log_determinant))
+        return float(count * np.sum(np.log(spread + self.floor)) + began + known)
 
     @property
     def total(self) -> float:

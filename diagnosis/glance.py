@@ -97,7 +97,7 @@ def glance(problem: Problem, base: Fitted) -> Glance | None:
         part = _cut(part, predicted_motion(problem, point), places, length)
         free = _free(point, part, logs)
         point = replace(point, parameters=point.parameters[logs], starts=part.starts, free=free)
-        filter_ = replace(filter_, mask=filterable(part, filter_.coefficients.shape[1]))
+        filter_ = replace(filter_, mask=filterable(part, filter_.coefficients.shape[1]), first=())
     error = errors(part, [point])[0]
     if not filter_.mask.any() or not part.credible(error):
         return None

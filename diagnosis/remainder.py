@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import cho_solve
 from scipy.stats import chi2
 
 from diagnosis.encoder_waves import Wave, encoder_wave
@@ -23,6 +24,7 @@ from diagnosis.hypotheses import adjoint
 from diagnosis.jitter import jitter
 from diagnosis.problem import Problem, bandwidth
 from diagnosis.projection import project
+from diagnosis.whitening import absorption
 from envs.log import Array
 
 FLOOR = 1e-9
@@ -354,9 +356,8 @@ def torque_spectrum(problem: Problem, fitted: Fitted, joint: int, motion: Array)
 
     With S the spectrum of the prediction errors, S_0 what white noise of the sensor makes of it behind the leak l
     (``S_0 ~ w^2 / (w^2 + l^2)``, its level read off the upper half of the band) and H the response of the error to a
-    torque, the spectrum of that torque is ``(S - S_0) / |H|^2``. S comes from an autoregression of k coefficients over
-    N samples, with a relative deviation of ``sqrt(2 k / N)``: what does not stand out of three of them is the sensor's,
-    however little of a torque a joint shows that friction holds.
+    torque, the spectrum of that torque is ``(S - S_0) / |H|^2``. What does not stand out of three deviations of S
+    (`spectral_deviation`) is the sensor's, however little of a torque a joint shows that friction holds.
     """
     tool, dt = adjoint(problem, fitted, joint), problem.sample_time
     count = 1 << 15
@@ -366,7 +367,7 @@ def torque_spectrum(problem: Problem, fitted: Fitted, joint: int, motion: Array)
     spectrum = variance / np.maximum(filter_power, 1e-300)
     angular = 2 * np.pi * frequency
     sensor = float(np.quantile(spectrum[frequency > 0.25 / dt], 0.2)) * angular**2 / (angular**2 + problem.leak**2)
-    chance = 3.0 * np.sqrt(2.0 * len(fitted.whitener.blocks) / max(fitted.samples // problem.joints, 1))
+    chance = 3.0 * spectral_deviation(problem, fitted, joint, count)
     power = tool.power(angular, dt)
     if not np.any(power > 0.0):  # friction holds the joint all the time: no torque shows
         return frequency, np.zeros(len(frequency)), np.zeros(len(frequency), dtype=bool)
@@ -379,6 +380,27 @@ def torque_spectrum(problem: Problem, fitted: Fitted, joint: int, motion: Array)
     bands = (bandwidth(problem.time[a:b], motion[a:b, 1]) for a, b in pairwise(problem.bounds))
     band = frequency < max(lowest, *bands)
     return frequency, torque, band
+
+
+def spectral_deviation(problem: Problem, fitted: Fitted, joint: int, count: int) -> Array:
+    """Relative standard deviation (count / 2 + 1,) of the spectrum that an autoregression says the errors of a joint
+    have.
+
+    With A the response of the prediction-error filter, g (k,) that of the blocks of lags and C the covariance of the
+    coefficients, ``ln S = ln s^2 - ln |A|^2`` has the variance ``4 Re(g / A)' C Re(g / A)``. Slow waves meet all blocks
+    alike, so that their power is known the worst.
+    """
+    taken, own = absorption(problem, fitted.error, fitted.whitener), fitted.whitener
+    means = np.zeros((len(own.blocks), 1 << 13))
+    for mean, (first, last) in zip(means, own.blocks, strict=True):
+        mean[first * own.every : last * own.every : own.every] = 1.0 / (last - first)
+    response = np.fft.rfft(means)
+    assert own.solution is not None
+    slope = np.real(response / (1.0 - own.solution[joint] @ response))
+    share = len(taken.positions) * problem.joints / fitted.samples
+    covariance = float(fitted.variances[joint]) * share * cho_solve(taken.factors[joint], slope)
+    deviation = 2.0 * np.sqrt(np.sum(slope * covariance, axis=0))
+    return np.interp(np.linspace(0.0, 1.0, count // 2 + 1), np.linspace(0.0, 1.0, len(deviation)), deviation)
 
 
 def _share(

@@ -19,6 +19,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.ndimage import median_filter
 from scipy.signal import firwin
 
+from diagnosis.growing_order import growing_predictors
 from diagnosis.problem import Problem
 from diagnosis.projection import project
 from envs.log import Array
@@ -37,6 +38,8 @@ class Whitener:
     """Prediction-error filters per joint (n, order + 1), leading coefficient 1, and the mask of usable samples.
 
     solution: coefficients (n, k) of the autoregression on the means over k blocks of lags; none for a fixed filter.
+    first: where in every log the autoregression has nothing before it yet, rows (b,) each, at most its order; there
+    the predictors grow with what there is (`diagnosis.growing_order`), so that the likelihood is exact.
     """
 
     coefficients: Array
@@ -45,11 +48,33 @@ class Whitener:
     blocks: tuple[tuple[int, int], ...] = ()
     band: Array | None = None
     every: int = 1
+    first: tuple[np.ndarray, ...] = ()
 
     @cached_property
     def rows(self) -> np.ndarray:
         """Indices of the usable samples."""
         return np.flatnonzero(self.mask)
+
+    @cached_property
+    def late(self) -> np.ndarray:
+        """Which of the usable samples have the filter's whole memory before them."""
+        return ~np.isin(self.rows, np.concatenate([np.zeros(0, dtype=int), *self.first]))
+
+    @cached_property
+    def beginnings(self) -> tuple[tuple[Array, float], ...]:
+        """Per joint the filters (p, p) of a log's first samples, and the sum of the logarithms of their variances over
+        those of the innovations."""
+        if not self.first:
+            return ()
+        assert self.solution is not None
+        return tuple(growing_predictors(_sparse(own, self.blocks, 1)) for own in self.solution)
+
+    @property
+    def log_determinant(self) -> Array:
+        """What the first samples of all logs vary more than innovations, per joint (n,): sum of ln v."""
+        if not self.first:
+            return np.zeros(len(self.coefficients))
+        return len(self.first) * np.array([total for _, total in self.beginnings])
 
     def __call__(self, error: Array) -> Array:
         """Innovations of errors (..., T, n), stacked over joints: (..., N n)."""
@@ -60,6 +85,11 @@ class Whitener:
                 y = filter_at(flat, filter_, self.rows)
             else:
                 y = prediction_filter(flat, filter_)[:, self.mask]
+            for rows in self.first:
+                assert self.band is not None
+                limited = flat[:, rows] if len(self.band) == 1 else filter_at(flat, self.band, rows)
+                place = np.searchsorted(self.rows, rows[0])
+                y[:, place : place + len(rows)] = limited @ self.beginnings[j][0].T
             parts.append(y.reshape(*error.shape[:-2], -1))
         return np.concatenate(parts, axis=-1)
 
@@ -86,9 +116,8 @@ def whitener(problem: Problem, error: Array) -> Whitener:
     order = blocks[-1][1] - 1
     band = band_filter(problem)
     memory = order * every + len(band) - 1
-    mask = filterable(problem, memory)
+    rows = np.flatnonzero(filterable(problem, memory))
     limited = _noise_like(problem, error, band)
-    rows = np.flatnonzero(mask)
     rows = rows[_thinned(len(rows))]
     solution = np.zeros((problem.joints, len(blocks)))
     for j in range(problem.joints):
@@ -97,7 +126,18 @@ def whitener(problem: Problem, error: Array) -> Whitener:
         ridge = 1e-12 * np.trace(gram[1:, 1:]) / len(blocks) + 1e-300
         solution[j] = np.linalg.solve(gram[1:, 1:] + ridge * np.eye(len(blocks)), gram[1:, 0])
     coefficients = np.stack([_expanded(own, blocks, every, band) for own in solution])
-    return Whitener(coefficients, mask, solution, tuple(blocks), band, every)
+    return begun(problem, Whitener(coefficients, np.zeros(0, dtype=bool), solution, tuple(blocks), band, every))
+
+
+def begun(problem: Problem, filter_: Whitener) -> Whitener:
+    """The filter on these logs, from where their band is limited on."""
+    assert filter_.band is not None
+    mask = filterable(problem, len(filter_.band) - 1)
+    own = [a + np.flatnonzero(mask[a:b]) for a, b in pairwise(problem.bounds)]
+    order = filter_.blocks[-1][1] - 1
+    if any(len(rows) <= order for rows in own):
+        return replace(filter_, mask=filterable(problem, filter_.coefficients.shape[1] - 1), first=())
+    return replace(filter_, mask=mask, first=tuple(rows[:order] for rows in own))
 
 
 def filterable(problem: Problem, memory: int) -> np.ndarray:
@@ -112,7 +152,7 @@ def filterable(problem: Problem, memory: int) -> np.ndarray:
 
 def on_logs(problem: Problem, filter_: Whitener) -> Whitener:
     """A whitening filter for other logs than those it was made on, with coefficients that stay as they are."""
-    return Whitener(filter_.coefficients, filterable(problem, filter_.coefficients.shape[1]))
+    return begun(problem, filter_)
 
 
 def _thinned(count: int) -> np.ndarray:
@@ -122,11 +162,16 @@ def _thinned(count: int) -> np.ndarray:
 
 def _expanded(solution: Array, blocks: Sequence[tuple[int, int]], every: int, band: Array) -> Array:
     """One coefficient per lag, the band filter merged into them."""
+    return np.asarray(np.convolve(_sparse(solution, blocks, every), band), dtype=np.float64)
+
+
+def _sparse(solution: Array, blocks: Sequence[tuple[int, int]], every: int) -> Array:
+    """The autoregression's prediction-error filter, leading coefficient 1, one lag every so many samples."""
     sparse = np.zeros((blocks[-1][1] - 1) * every + 1)
     sparse[0] = 1.0
     for (first, last), value in zip(blocks, solution, strict=True):
         sparse[first * every : (last - 1) * every + 1 : every] = -value / (last - first)
-    return np.asarray(np.convolve(sparse, band), dtype=np.float64)
+    return sparse
 
 
 def _noise_like(problem: Problem, error: Array, band: Array) -> Array:
@@ -146,7 +191,8 @@ class Absorption:
     L does not contain (variable projection: L. Kaufman, BIT 15 (1975) 49). Without it an effect whose errors look like
     slow noise creeps towards its value, or stays where it began.
 
-    positions (R,): the samples it is computed from, among the usable ones. lagged: (k, R) per joint.
+    positions (R,): the samples it is computed from, among the usable ones. lagged: (k, R) per joint, zero at the first
+    samples of logs, which the autoregression is not estimated from.
     """
 
     positions: np.ndarray
@@ -185,9 +231,9 @@ def absorption(problem: Problem, error: Array, filter_: Whitener) -> Absorption:
     assert filter_.band is not None
     limited = _noise_like(problem, error, filter_.band)
     positions = _thinned(len(filter_.rows))
-    rows = filter_.rows[positions]
-    lagged = tuple(np.stack(_lagged(limited[:, j], rows, filter_.blocks, filter_.every)) for j in range(problem.joints))
-    return Absorption(positions, lagged)
+    rows, late = filter_.rows[positions], filter_.late[positions]
+    lagged = (np.stack(_lagged(limited[:, j], rows, filter_.blocks, filter_.every)) for j in range(problem.joints))
+    return Absorption(positions, tuple(own * late for own in lagged))
 
 
 def band_filter(problem: Problem) -> Array:

@@ -549,7 +549,7 @@ def test_reused_sensitivities_lead_to_the_same_optimum() -> None:
     nominal = fit_nominal(problem, (JointStructure(),))
     fitted = accepted(problem, nominal, "coulomb_friction", [0.05]).scored.fitted
     again = fit(problem, fitted.point, rounds=3, iterations=20)
-    assert fitted.criterion - again.criterion < 6.0  # the filter goes on settling
+    assert fitted.criterion - again.criterion < 12.0  # the filter goes on settling
     assert np.array_equal(errors(problem, [fitted.point])[0], fitted.error)
 
 

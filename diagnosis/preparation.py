@@ -8,14 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.nominal import Gravity, JointStructure, least_squares
-from diagnosis.problem import smooth_derivatives
+from diagnosis.nominal import Gravity, JointStructure
+from diagnosis.planar_arm import is_planar_arm, planar_pair
 from envs.compatibility import check_together, with_robot
 from envs.log import Array, Log, LogError
 from envs.log_files import load_with_findings
 from envs.robot import Robot, RobotError
 from envs.robots import find_robot
 from envs.validation import DOUBTFUL_UNIT
+from methods.effects.base import Effect
 
 STILL = 20.0
 """A joint whose position stays within this many encoder steps is held still."""
@@ -23,10 +24,6 @@ GIVES_WAY = 0.02
 """A joint whose way is a smaller share of the widest one is held by its controller."""
 KEPT_APART = 0.25
 """Share of each log that is kept apart for the gain when no held-out log is given."""
-PLANAR_SHARE = 0.02
-"""How far a description's inertias may be from a planar arm's, as a share of what couples the joints."""
-PLANAR = 0.7
-"""Share of the squared residual that the coupling of a planar pair has to leave at most."""
 SHORTEST = 400
 """Samples below which a log is not divided."""
 
@@ -171,89 +168,25 @@ def moves(log: Log, joint: int) -> bool:
     return driven(log, joint) and bool(log.command[:, log.index(joint)].any())
 
 
-def groups(logs: Sequence[Log], joints: tuple[int, ...], robot: Robot | None) -> list[tuple[int, ...]]:
-    """Joints that are modelled together: a planar pair, by the robot's description or by the logs; else each alone."""
-    first, second = joints[:2] if len(joints) > 1 else (0, 0)
-    if robot is not None:
-        paired = (first, second) == (1, 2) and is_planar_arm(robot, pose(logs[0], robot))
-    else:
-        paired = len(joints) > 1 and arm_gravity(logs, first, second) is not None
-    return [(first, second), *((joint,) for joint in joints[2:])] if paired else [(joint,) for joint in joints]
-
-
-def is_planar_arm(robot: Robot, at: Array) -> bool:
-    """True when the description's first two joints turn about parallel axes, the second link on the first.
-
-    Around a pose `at` (n,), whatever both angles are: ``M11 = a + 2 p3 cos q2``, ``M12 = p2 + p3 cos q2``, ``M22 = c``.
-    """
-    if any(robot.joint(number).unit != "rad" for number in (1, 2)):
-        return False
-    angle = 2.0 * np.pi * np.arange(12) / 12
-    places = np.tile(at, (len(angle), 1))
-    places[:, 0], places[:, 1] = at[0] + 5.0 * angle, angle
-    matrix = robot.body.inertia_matrix(places)
-    wave = np.stack([np.ones(len(angle)), np.cos(angle)], axis=1)
-    sides = np.stack([matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1]], axis=1)
-    solution = np.linalg.lstsq(wave, sides, rcond=None)[0]
-    coupling = solution[1, 1]
-    model = wave @ np.array([[*solution[0]], [2.0 * coupling, coupling, 0.0]])
-    return bool(coupling != 0.0 and np.max(np.abs(sides - model)) < PLANAR_SHARE * abs(coupling))
-
-
-def arm_gravity(logs: Sequence[Log], first: int, second: int) -> Gravity | None:
-    """What gravity does to an arm of two links, by the first log that says that it is one; None where none does."""
-    seen = (planar_pair(log, first, second) for log in logs)
-    return next((kind for kind in seen if kind is not None), None)
-
-
-def planar_pair(log: Log, first: int, second: int) -> Gravity | None:
-    """What gravity does to an arm of two links, if the logs say that it is one; None where they do not.
-
-    In such an arm the second joint's angle changes how the joints' motions act on one another. The command of each
-    joint is regressed on its own motion, on gravity, and, linearly, on the other's motion; the arm's coupling terms
-    ``cos q2 (2 q1'' + q2'') - sin q2 (2 q1' q2' + q2'^2)`` and ``cos q2 q1'' + sin q2 q1'^2`` have to explain a good
-    part of what is left, with the sign of an inertia. There is gravity where it explains a good part in both joints.
-    """
-    columns = [log.index(first), log.index(second)]
-    if any(log.facts[column].position_unit != "rad" for column in columns):
-        return None
-    position, command = log.position[:, columns], log.command[:, columns]
-    seconds = max(0.03, 8 * log.sample_time)
-    q, dq, ddq = smooth_derivatives(log.time, position, seconds)
-    u = smooth_derivatives(log.time, command, seconds)[0]
-    c, s = np.cos(q[:, 1]), np.sin(q[:, 1])
-    coupling = (
-        c * (2 * ddq[:, 0] + ddq[:, 1]) - s * (2 * dq[:, 0] * dq[:, 1] + dq[:, 1] ** 2),
-        c * ddq[:, 0] + s * dq[:, 0] ** 2,
-    )
-    both = q.sum(axis=1)
-    weight = [np.sin(q[:, 0]), np.cos(q[:, 0])], [np.sin(both), np.cos(both)]
-    inner, heavy = slice(len(q) // 50, -max(1, len(q) // 50)), True
-
-    def regression(terms: list[Array], target: Array) -> tuple[float, float]:
-        """Coefficient of the last term, and the sum of squares that is left."""
-        matrix = np.stack(terms, axis=1)[inner]
-        solution = least_squares(matrix, target[inner])
-        return float(solution[-1]), float(np.sum((target[inner] - matrix @ solution) ** 2))
-
-    for j in range(2):
-        own = [ddq[:, 0], ddq[:, 1], dq[:, 0], dq[:, 1], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12))]
-        own += [np.ones(len(q)), u[:, 1 - j]]
-        pull = [*weight[0], *weight[1]] if j == 0 else weight[1]
-        inertia, arm = regression([*own, *pull, coupling[j]], u[:, j])
-        if inertia <= 0.0 or arm > PLANAR * regression([*own, *pull], u[:, j])[1]:
-            return None
-        heavy &= arm < PLANAR * regression([*own, coupling[j]], u[:, j])[1]
-    return "pendulum" if heavy else "none"
-
-
-def joint_structures(logs: Sequence[Log], group: tuple[int, ...], robot: Robot | None) -> tuple[JointStructure, ...]:
-    """`structure` of every joint of a group; for a planar pair without a description the logs tell of gravity."""
-    known = tuple(structure(logs[0], joint, robot) for joint in group)
-    if len(group) < 2 or robot is not None:
-        return known
-    gravity = arm_gravity(logs, *group) or "none"
-    return tuple(replace(item, gravity=gravity) for item in known)
+def groups(
+    logs: Sequence[Log], joints: tuple[int, ...], robot: Robot | None, effects: Sequence[Effect]
+) -> Sequence[tuple[tuple[int, ...], tuple[JointStructure, ...]]]:
+    """Joints that are modelled together, with what is known of them: a planar pair, by the robot's description or by
+    the logs, which then tell of gravity, too; else each alone."""
+    known = {joint: structure(logs[0], joint, robot) for joint in joints}
+    alone = [((joint,), (known[joint],)) for joint in joints]
+    if len(joints) < 2:
+        return alone
+    first, second = joints[:2]
+    pair = known[first], known[second]
+    if robot is None:
+        gravity = planar_pair(logs, (first, second), pair, effects)
+        if gravity is None:
+            return alone
+        pair = replace(pair[0], gravity=gravity), replace(pair[1], gravity=gravity)
+    elif (first, second) != (1, 2) or not is_planar_arm(robot, pose(logs[0], robot)):
+        return alone
+    return [((first, second), pair), *alone[2:]]
 
 
 def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:

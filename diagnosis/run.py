@@ -39,7 +39,6 @@ from diagnosis.preparation import (
     Recordings,
     given_numbers,
     groups,
-    joint_structures,
     moving_joints,
     pose,
     recordings,
@@ -183,8 +182,8 @@ def diagnose(
     joints = moving_joints(read.fitted, joint, findings)
     rng = np.random.default_rng(0)
     results, gaps, ledger, extensions, proposals = [], [], [], [], []
-    for group in groups(read.fitted, joints, read.robot):
-        solved = solve(read, group, known, settings, tell, seconds)
+    for group, structures in groups(read.fitted, joints, read.robot, known):
+        solved = solve(read, group, structures, known, settings, tell, seconds)
         check_turns(read, solved)
         started = clock.perf_counter()
         tell(f"joint {', '.join(map(str, group))}: measuring the gain")
@@ -441,6 +440,7 @@ def joint_title(read: Recordings, number: int) -> str:
 def solve(
     read: Recordings,
     group: tuple[int, ...],
+    structures: tuple[JointStructure, ...],
     effects: Sequence[Effect],
     settings: Settings,
     tell: Tell,
@@ -453,7 +453,6 @@ def solve(
     if kernel.is_new:
         tell("compiling the simulator, once for these effects: about a minute")
     first = read.fitted[0]
-    structures = joint_structures(read.fitted, group, read.robot)
     arm, rest = None, ""
     if read.robot is not None and len(group) == 1:
         try:

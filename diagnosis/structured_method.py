@@ -18,7 +18,7 @@ from diagnosis.extension import Extension, extended_model
 from diagnosis.finding import WORST
 from diagnosis.nominal import JointStructure
 from diagnosis.parameters import joint_units
-from diagnosis.preparation import groups, joint_structures
+from diagnosis.preparation import groups
 from diagnosis.problem import Problem, stack
 from envs.log import Array, JointFacts, Log
 from envs.robot import Robot, RobotError
@@ -64,8 +64,7 @@ class StructuredMethod(Method):
         kernel = build(effects)
         robot = _robot(logs[0])
         extensions, settled, values = [], [], []
-        for group in groups(logs, joints, robot):
-            structures = joint_structures(logs, group, robot)
+        for group, structures in groups(logs, joints, robot, known):
             problem = stack(kernel, logs, group, pair=len(group) > 1)
             facts = [logs[0].facts[logs[0].index(joint)] for joint in group]
             measures = tuple(

@@ -23,15 +23,14 @@ from diagnosis.ledger import closed, failures, floor_of
 from diagnosis.nominal import COLUMN, JointStructure, fit_nominal
 from diagnosis.output import to_json
 from diagnosis.parameters import HEAT, REFERENCE, canonical, heat
+from diagnosis.planar_arm import in_commands, planar_pair
 from diagnosis.preparation import (
     DiagnosisError,
     Recordings,
     arrange,
     given_numbers,
     groups,
-    joint_structures,
     moving_joints,
-    planar_pair,
     structure,
 )
 from diagnosis.problem import DIVERGED, stack
@@ -254,19 +253,34 @@ def test_planar_pair_is_recognised_in_the_logs() -> None:
         StructuredModel((first, second), DT, PlanarCoupling(0.025, 1.2, second.nominal["inertia"] / 1.2)), 1
     )
     apart = recorded(StructuredModel((first, second), DT), 1)
-    assert planar_pair(pair, 1, 2) == "none"
-    assert planar_pair(apart, 1, 2) is None
-    assert groups([pair], (1, 2), None) == [(1, 2)]
-    assert groups([apart], (1, 2), None) == [(1,), (2,)]
-    assert groups([apart], (1, 2), adept_robot()) == [(1, 2)]
+    kinds = lambda log, robot=None: [  # noqa: E731
+        (joints, [item.gravity for item in structures])
+        for joints, structures in groups([log], (1, 2), robot, built_in())
+    ]
+    assert kinds(pair) == [((1, 2), ["none", "none"])]
+    assert kinds(apart) == [((1,), ["none"]), ((2,), ["none"])]
+    assert kinds(apart, adept_robot()) == [((1, 2), ["none", "none"])]
     hanging = [
         replace(part, nominal={**part.nominal, "gravity_sine": size}) for part, size in ((first, 0.8), (second, 0.2))
     ]
     coupling = PlanarCoupling(0.025, 1.2, second.nominal["inertia"] / 1.2)
     heavy = recorded(StructuredModel(tuple(hanging), DT, coupling), 1)
-    assert planar_pair(heavy, 1, 2) == "pendulum"
-    assert [item.gravity for item in joint_structures([heavy], (1, 2), None)] == ["pendulum", "pendulum"]
-    assert [item.gravity for item in joint_structures([pair], (1, 2), None)] == ["none", "none"]
+    assert kinds(heavy) == [((1, 2), ["pendulum", "pendulum"])]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+def test_planar_pair_is_recognised_behind_noise(friction: float) -> None:
+    """In the derivatives of such readings the coupling cannot be seen; predictions tell it, with friction or not."""
+    effects = {"coulomb_friction": {"torque": friction}} if friction else {}
+    first = StructuredJoint(1, "voltage", {**NOMINAL, "electrical_time_constant": 0.0}, effects)
+    second = StructuredJoint(2, "voltage", {"inertia": 0.02, "viscous": 0.01, "back_emf": 0.4}, effects)
+    for coupling, kind in ((PlanarCoupling(0.025, 1.2, 0.02 / 1.2), "none"), (None, None)):
+        log = recorded(StructuredModel((first, second), DT, coupling), 1)
+        noise = 2e-3 * np.random.default_rng(0).standard_normal(log.position.shape)
+        noisy = replace(log, position=log.position + noise)
+        assert not in_commands(noisy, 1, 2)[0]
+        structures = structure(noisy, 1, None), structure(noisy, 2, None)
+        assert planar_pair([noisy], (1, 2), structures, built_in()) == kind
 
 
 def test_what_the_robot_says_of_a_joint() -> None:

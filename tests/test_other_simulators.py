@@ -16,7 +16,7 @@ from diagnosis.estimation import fit
 from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.preparation import groups, joint_structures
+from diagnosis.preparation import groups
 from diagnosis.problem import stack
 from envs.log import JointFacts, Log
 from envs.robots import find_robot
@@ -319,10 +319,11 @@ def test_two_links_are_one_arm_in_which_the_joint_with_friction_is_told(tmp_path
     (tmp_path / "arm.toml").write_text(DESCRIPTION)
     robot, logs = find_robot(str(tmp_path / "arm.toml")), [two_links(0, 0.15)]
     for known in (robot, None):
-        assert groups(logs, (1, 2), known) == [(1, 2)]
-        assert [item.gravity for item in joint_structures(logs, (1, 2), known)] == ["pendulum", "pendulum"]
+        ((joints, structures),) = groups(logs, (1, 2), known, EFFECTS)
+        assert joints == (1, 2)
+        assert [item.gravity for item in structures] == ["pendulum", "pendulum"]
     problem = stack(build(EFFECTS), logs, (1, 2), pair=True)
-    point = fit_nominal(problem, joint_structures(logs, (1, 2), robot)).point
+    point = fit_nominal(problem, groups(logs, (1, 2), robot, EFFECTS)[0][1]).point
     friction = next(effect for effect in EFFECTS if effect.name == "rounded_coulomb_friction")
     for joint in (0, 1):
         point = extend(problem, point, Hypothesis(friction, joint), np.array([[0.02, 0.02]]))

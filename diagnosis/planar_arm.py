@@ -1,0 +1,148 @@
+"""Whether two joints are those of a planar arm, the second link on the first: by its description, or by the logs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.estimation import Fitted, fit
+from diagnosis.hypotheses import Hypothesis, extend
+from diagnosis.nominal import Gravity, JointStructure, fit_nominal, least_squares
+from diagnosis.problem import Problem, smooth_derivatives, stack
+from diagnosis.search import try_all
+from envs.log import Array, Log
+from envs.robot import Robot
+from methods.effects import compiled_with
+from methods.effects.base import Effect
+from methods.kernel import build
+from methods.parallel import each
+
+PLANAR_SHARE = 0.02
+"""How far a description's inertias may be from a planar arm's, as a share of what couples the joints."""
+TELLING = 0.7
+"""Share of the squared residual that the coupling of an arm, or its gravity, leaves at most where it is plain."""
+PLENTY = 20_000
+"""Samples with which logs are enough to tell an arm."""
+AHEAD = 30.0
+"""Lead in -2 log likelihood, each parameter paid for, by which two joints are an arm."""
+SMALL = 0.02
+"""Dry friction, as a share of the command's rms, from which its fit begins."""
+FRICTION = "coulomb_friction"
+NEIGHBOUR = "axis_coupling"
+"""What else one joint may do to another: torques in proportion to its motion and command."""
+
+
+def is_planar_arm(robot: Robot, at: Array) -> bool:
+    """True when the description's first two joints turn about parallel axes, the second link on the first.
+
+    Around a pose `at` (n,), whatever both angles are: ``M11 = a + 2 p3 cos q2``, ``M12 = p2 + p3 cos q2``, ``M22 = c``.
+    """
+    if any(robot.joint(number).unit != "rad" for number in (1, 2)):
+        return False
+    angle = 2.0 * np.pi * np.arange(12) / 12
+    places = np.tile(at, (len(angle), 1))
+    places[:, 0], places[:, 1] = at[0] + 5.0 * angle, angle
+    matrix = robot.body.inertia_matrix(places)
+    wave = np.stack([np.ones(len(angle)), np.cos(angle)], axis=1)
+    sides = np.stack([matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1]], axis=1)
+    solution = np.linalg.lstsq(wave, sides, rcond=None)[0]
+    coupling = solution[1, 1]
+    model = wave @ np.array([[*solution[0]], [2.0 * coupling, coupling, 0.0]])
+    return bool(coupling != 0.0 and np.max(np.abs(sides - model)) < PLANAR_SHARE * abs(coupling))
+
+
+def planar_pair(
+    logs: Sequence[Log],
+    joints: tuple[int, int],
+    structures: tuple[JointStructure, JointStructure],
+    effects: Sequence[Effect],
+) -> Gravity | None:
+    """What gravity does to an arm of two links, if the logs say that it is one; None where they do not.
+
+    In such an arm the second joint's angle changes how the joints' motions act on one another. Where a regression shows
+    that in both joints (`in_commands`), it is an arm; noise hides it in the derivatives of the readings. It also is one
+    where its nominal model predicts the logs better than two joints that act on one another in proportion to their
+    motions and commands: by AHEAD, with ln N paid for every parameter, and with dry friction or without it.
+    """
+    if any(log.facts[log.index(joint)].position_unit != "rad" for log in logs for joint in joints):
+        return None
+    seen = [in_commands(log, *joints) for log in logs]
+    if any(is_arm for is_arm, _ in seen):
+        return next("pendulum" if is_heavy else "none" for is_arm, is_heavy in seen if is_arm)
+    chosen: list[Log] = []
+    for log in sorted(logs, key=len, reverse=True):
+        if sum(map(len, chosen)) < PLENTY:
+            chosen.append(log)
+    kernel = build(compiled_with(effects))
+    dry = [effect for effect in effects if effect.name == FRICTION]
+    coupling = [(effect, 0) for effect in effects if effect.name == NEIGHBOUR]
+    kinds: list[Gravity] = ["none", "pendulum"] if any(is_heavy for _, is_heavy in seen) else ["none"]
+
+    def together(kind: Gravity) -> tuple[float, Gravity]:
+        problem = stack(kernel, chosen, joints, pair=True)
+        fitted = fit_nominal(problem, tuple(replace(own, gravity=kind) for own in structures))
+        return min(cost(fitted), *(cost(with_friction(problem, fitted, effect)) for effect in dry)), kind
+
+    def alone(item: tuple[int, JointStructure]) -> float:
+        problem = stack(kernel, chosen, (item[0],))
+        bare = [fit_nominal(problem, (replace(item[1], gravity=kind),)) for kind in kinds]
+        found = [*bare, *(with_friction(problem, fitted, effect) for fitted in bare for effect in dry)]
+        coupled = [scored.fitted for fitted in found for scored in try_all(problem, fitted, coupling)[:1]]
+        return min(map(cost, [*found, *coupled]))
+
+    best, gravity = min(each(together, kinds))
+    return gravity if best < sum(each(alone, list(zip(joints, structures, strict=True)))) - AHEAD else None
+
+
+def cost(fitted: Fitted) -> float:
+    """-2 log likelihood and ln N per free parameter."""
+    return fitted.criterion + len(fitted.point.free) * float(np.log(fitted.samples))
+
+
+def with_friction(problem: Problem, fitted: Fitted, friction: Effect) -> Fitted:
+    """The model with dry friction in all joints: what one joint of an arm leaves unexplained disturbs the other."""
+    point = fitted.point
+    for j in range(problem.joints):
+        size = SMALL * float(np.sqrt(np.mean(problem.command[:, j] ** 2)))
+        point = extend(problem, point, Hypothesis(friction, j), np.full((problem.logs, friction.size), size))
+    return fit(problem, point, rounds=2, iterations=8)
+
+
+def in_commands(log: Log, first: int, second: int) -> tuple[bool, bool]:
+    """Whether an arm's coupling and its gravity explain a good part of the commands of both joints.
+
+    They are regressed on the joint's own motion, on gravity, linearly on the other's motion and command, and on the
+    coupling terms ``cos q2 (2 q1'' + q2'') - sin q2 (2 q1' q2' + q2'^2)`` and ``cos q2 q1'' + sin q2 q1'^2``, which
+    have to have the sign of an inertia.
+    """
+    columns = [log.index(first), log.index(second)]
+    position, command = log.position[:, columns], log.command[:, columns]
+    seconds = max(0.03, 8 * log.sample_time)
+    q, dq, ddq = smooth_derivatives(log.time, position, seconds)
+    u = smooth_derivatives(log.time, command, seconds)[0]
+    c, s = np.cos(q[:, 1]), np.sin(q[:, 1])
+    coupling = (
+        c * (2 * ddq[:, 0] + ddq[:, 1]) - s * (2 * dq[:, 0] * dq[:, 1] + dq[:, 1] ** 2),
+        c * ddq[:, 0] + s * dq[:, 0] ** 2,
+    )
+    both = q.sum(axis=1)
+    weight = [np.sin(q[:, 0]), np.cos(q[:, 0])], [np.sin(both), np.cos(both)]
+    inner = slice(len(q) // 50, -max(1, len(q) // 50))
+
+    def regression(terms: list[Array], target: Array) -> tuple[float, float]:
+        """Coefficient of the last term, and the sum of squares that is left."""
+        matrix = np.stack(terms, axis=1)[inner]
+        solution = least_squares(matrix, target[inner])
+        return float(solution[-1]), float(np.sum((target[inner] - matrix @ solution) ** 2))
+
+    is_arm = is_heavy = True
+    for j in range(2):
+        own = [ddq[:, 0], ddq[:, 1], dq[:, 0], dq[:, 1], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12))]
+        own += [np.ones(len(q)), u[:, 1 - j]]
+        pull = [*weight[0], *weight[1]] if j == 0 else weight[1]
+        inertia, arm = regression([*own, *pull, coupling[j]], u[:, j])
+        is_arm &= inertia > 0.0 and arm <= TELLING * regression([*own, *pull], u[:, j])[1]
+        is_heavy &= arm < TELLING * regression([*own, coupling[j]], u[:, j])[1]
+    return is_arm, is_heavy

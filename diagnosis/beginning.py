@@ -112,15 +112,15 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
     the model.
 
     The velocities of `transfer` are smoothed over a stretch in which a command that sets in at once may have changed
-    them by much. Here the innovations of a log are regressed on the responses to other states, each
-    known beforehand: velocities as `start_deviation` says, the others by their typical size.
+    them by much. Here the whitened prediction errors of a log (`seen`) are regressed on the responses to other states,
+    each known beforehand: velocities as `start_deviation` says, the others by their typical size.
     """
     whiten, states = on_logs(problem, filter_), pushes(problem, point)
     size = SMALL * np.array([item.size for item in states])
     errors_, starts = errors(problem, [point, *pushed(point, states)]), point.starts.copy()
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
-        plain, *others = whiten(of_log(problem, errors_, log))
-        noise = float(np.linalg.norm(plain) / np.sqrt(problem.joints * max(np.sum(log_of(problem, whiten) == log), 1)))
+        plain, *others = seen(problem, whiten, errors_, log)
+        noise = float(np.sqrt(np.mean(plain[: problem.joints * len(whiten.rows)] ** 2)))
         speed = start_deviation(problem, np.max(np.abs(problem.velocity[a:b]), axis=0))
         deviation = np.array([speed[item.joint] if item.column == VELOCITY else item.size for item in states])
         basis = np.vstack([np.stack([other - plain for other in others], axis=1), np.diag(noise * size / deviation)])
@@ -129,8 +129,24 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
             starts[log, item.joint, item.column] -= own
     moved = replace(point, starts=starts)
     both = np.stack([errors_[0], errors(problem, [moved])[0]])
-    before, after = np.sum(whiten(both) ** 2, axis=1)
+    before, after = sum(np.sum(seen(problem, whiten, both, log) ** 2, axis=1) for log in range(problem.logs))
     return moved if after < before else point
+
+
+def seen(problem: Problem, whiten: Whitener, errors_: Array, log: int) -> Array:
+    """What errors (C, T, n) show of the beginning of a log: their innovations (C, N), zero in other logs, and errors as
+    they are before the first of these.
+
+    Such errors e do not follow from those before them as far as they are innovations v: their deviation counts as
+    ``s(e)^2 / s(v)``, and they are scaled to that of the innovations.
+    """
+    innovations, is_own = whiten(of_log(problem, errors_, log)), log_of(problem, whiten) == log
+    if not np.any(is_own):
+        return innovations
+    own, rows = innovations[0].reshape(problem.joints, -1)[:, is_own], whiten.rows[is_own]
+    share = np.mean(own**2, axis=1) / np.maximum(np.mean(errors_[0][rows] ** 2, axis=0), 1e-300)
+    early = errors_[:, problem.bounds[log] : rows[0] : problem.decimation] * np.minimum(share, 1.0)
+    return np.concatenate([innovations, early.reshape(len(errors_), -1)], axis=1)
 
 
 def pushes(problem: Problem, point: Point) -> list[Hidden]:

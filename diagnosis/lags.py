@@ -90,5 +90,5 @@ def told_apart(problem: Problem, fitted: Fitted, effect: Effect, j: int) -> tupl
     if problem.pair or not movable:
         return fitted, ()
     points = traded(fitted.point, j, problem.kernel.column(effect, "time_constant"))
-    fits = [fitted, *(fit(problem, point.within(point.vector), fitted.whitener, rounds=1) for point in points)]
+    fits = [fitted, *(fit(problem, point.within(point.vector), fitted.whitener) for point in points)]
     return min(fits, key=lambda option: option.criterion), tuple(map(Optimum.of, fits))

@@ -164,11 +164,11 @@ def _pair(
 ) -> list[tuple[mujoco.MjsBody, mujoco.MjsJoint, float]]:
     """Two links with M11 = p1 + p2 + 2 p3 cos q2, M12 = p2 + p3 cos q2; the first is one metre long.
 
-    What M22 has beyond p2 is the armature of joint 2.
+    What M22 has beyond p2 is the armature of joint 2, and p2 is no more than M22.
     """
     assert model.coupling is not None
     p1, own = (part.nominal["inertia"] / scale for part, scale in zip(model.parts[:2], scales, strict=False))
-    p2, p3 = model.coupling.shared_inertia / scales[0], model.coupling.coupling_inertia / scales[0]
+    p2, p3 = min(model.coupling.shared_inertia / scales[0], own), model.coupling.coupling_inertia / scales[0]
     share = 0.5 * (1.0 + p3**2 / (p1 * p2))
     centre = share * p2 / p3 if p3 else 0.0
     mass = p3 / centre if p3 else 1e-3 * p1

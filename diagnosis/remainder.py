@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import cho_solve
+from scipy.ndimage import grey_closing
 from scipy.stats import chi2
 
 from diagnosis.encoder_waves import Wave, encoder_wave
@@ -46,6 +47,8 @@ SMALL = 0.0015
 """Effect of a drift beside that of the command, up to which it is put down to integrators and inexact laws."""
 
 
+DIP = 1.5
+"""Ratio of the frequencies on both sides of an antiresonance."""
 LUCKY = 0.5
 """Share of what noise lets all functions of the remainder explain that it may let one effect explain."""
 
@@ -244,7 +247,8 @@ def scattering(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> A
     nothing: Array = np.zeros((0, fitted.innovation.size))
     if not scatters(problem, fitted.point, joint):
         return nothing
-    generator, (frequency, power, band) = np.random.default_rng(0), torque_spectrum(problem, fitted, joint, motion)
+    generator = np.random.default_rng(0)
+    frequency, power, _, band = torque_spectrum(problem, fitted, joint, motion)
     count, noise = len(problem.time), fitted.weights
     edge = frequency[band][-1] if np.any(band) else 0.0
     beyond = np.mean(power[band]) * (edge / np.maximum(frequency, edge)) ** 2 if edge > 0.0 else 0.0
@@ -339,17 +343,22 @@ def disturbance(problem: Problem, fitted: Fitted, joint: int, motion: Array, tim
     """Rms of the unlogged torque that drives the joint in so many times its band of motion, and its share of the motor
     torque's.
 
-    motion: predicted angle, velocity and motor torque (T, 3).
+    Up to the frequency to which most of it exceeds its deviation: far above, where hardly any torque shows, the least
+    of the sensor's noise would stand for a large one. motion: predicted angle, velocity and motor torque (T, 3).
     """
-    frequency, power, band = torque_spectrum(problem, fitted, joint, motion)
+    frequency, power, chance, band = torque_spectrum(problem, fitted, joint, motion)
     if times != 1.0 and np.any(band):
         band = frequency <= times * frequency[band][-1]
-    size = float(np.sqrt(np.sum(power[band]) / (len(power) - 1)))
+    certain = np.cumsum(np.where(band, power - chance, 0.0))
+    size = float(np.sqrt(max(np.max(certain), 0.0) / (len(power) - 1)))
     return size, size / max(float(np.sqrt(np.mean(motion[problem.used, 2] ** 2))), 1e-300)
 
 
-def torque_spectrum(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> tuple[Array, Array, np.ndarray]:
-    """Frequencies (F,), spectrum (F,) of the unlogged torque that drives a joint, and the mask of its band of motion.
+def torque_spectrum(
+    problem: Problem, fitted: Fitted, joint: int, motion: Array
+) -> tuple[Array, Array, Array, np.ndarray]:
+    """Frequencies (F,), spectrum (F,) of the unlogged torque that drives a joint, its deviation (F,) where the sensor's
+    noise is all there is, and the mask (F,) of the joint's band of motion.
 
     motion: predicted angle, velocity and motor torque (T, 3); a measured velocity shows the band of a coarse encoder.
     The mean of the spectrum over all frequencies is the mean square of the torque.
@@ -367,19 +376,27 @@ def torque_spectrum(problem: Problem, fitted: Fitted, joint: int, motion: Array)
     spectrum = variance / np.maximum(filter_power, 1e-300)
     angular = 2 * np.pi * frequency
     sensor = float(np.quantile(spectrum[frequency > 0.25 / dt], 0.2)) * angular**2 / (angular**2 + problem.leak**2)
-    chance = 3.0 * spectral_deviation(problem, fitted, joint, count)
+    deviation = spectral_deviation(problem, fitted, joint, count)
     power = tool.power(angular, dt)
     if not np.any(power > 0.0):  # friction holds the joint all the time: no torque shows
-        return frequency, np.zeros(len(frequency)), np.zeros(len(frequency), dtype=bool)
-    torque: Array = (
-        variance
-        / np.maximum(power, FLOOR * np.max(power))
-        * np.clip(1.0 - (1.0 + chance) * sensor / spectrum, 0.0, 1.0)
-    )
+        return frequency, *np.zeros((2, len(frequency))), np.zeros(len(frequency), dtype=bool)
+    power = without_dips(frequency, power)
+    whole, noise = variance / np.maximum(power, FLOOR * np.max(power)), sensor / spectrum
+    torque: Array = whole * np.clip(1.0 - (1.0 + 3.0 * deviation) * noise, 0.0, 1.0)
     lowest = 2.0 / (problem.time[problem.bounds[1] - 1] - problem.time[0])
     bands = (bandwidth(problem.time[a:b], motion[a:b, 1]) for a, b in pairwise(problem.bounds))
     band = frequency < max(lowest, *bands)
-    return frequency, torque, band
+    return frequency, torque, whole * noise * deviation, band
+
+
+def without_dips(frequency: Array, power: Array) -> Array:
+    """A response |H|^2 (F,) without its antiresonances, narrower than DIP: there hardly any torque shows, and the least
+    of an error would stand for a large one."""
+    even = np.geomspace(frequency[1], frequency[-1], 4096)
+    size = max(1, round(np.log(DIP) / np.log(even[1] / even[0])))
+    level = np.log(np.maximum(np.interp(even, frequency, power), 1e-300))
+    filled = np.exp(grey_closing(level, size, mode="nearest"))
+    return np.maximum(power, np.interp(frequency, even, filled))
 
 
 def spectral_deviation(problem: Problem, fitted: Fitted, joint: int, count: int) -> Array:

@@ -16,7 +16,10 @@ The planar pair (rigid = p3, unit ratio s of joint 2 to joint 1, shared inertia 
 
     M11 = inertia_1 + p2 + 2 p3 cos q2,  M12 = p2 + p3 cos q2,  M22 = inertia_2 / s
 
-where M22 exceeds p2 by a rotor that turns with joint 2 alone.
+where M22 exceeds p2 by a rotor that turns with joint 2 alone. Behind a spring or a play of a joint lies its share of
+inertia_1 or inertia_2; there the arm's equation holds, driven by the torque between the sides. Of p2, what exceeds the
+second link's share is that of a rotor r which turns with the first joint, too: its own equation is
+``M_r q_r'' + r q1'' = torque``, and joint 1 carries ``r (q1'' + q_r'')``.
 
 `torque_limit` (0: none) is the drive's known current limit; it clamps w where it acts on the arm.
 
@@ -29,8 +32,8 @@ the other forces stay below the friction level, and breaks away), bristles and t
 exact exponential solution.
 
 Candidates of a single joint, whatever their effects, go eight at a time in the lanes of the processor's vectors, on
-several logs at once where these have the same instants, and those of a planar pair four at a time (`run_lanes`), to the
-same bits as one at a time (`run`, for any number of joints).
+several logs at once where these have the same instants, and those of a planar pair with stiff transmissions four at a
+time (`run_lanes`), to the same bits as one at a time (`run`, for any number of joints).
 """
 
 from __future__ import annotations
@@ -56,7 +59,7 @@ import numpy as np
 from envs.log import Array
 from methods.effects.base import Effect
 from methods.joint_equation import network_value
-from methods.parallel import each, workers
+from methods.parallel import each
 
 SHAPES = 6
 """Torques of unknown size beside the one that a description of the whole arm gives."""
@@ -272,12 +275,20 @@ class Kernel:
             runs = [(*own, *span) for own in alike for span in shares(own[1] * count, LANES)]
             each(lambda run: self._in_lanes(*arguments, nothing, *run), runs)
             return
+        stiff = np.zeros(count, dtype=bool)
         if pair and joints == 2 and not len(neighbour):
-            tasks = [(log, *span) for log in range(logs) for span in shares(count, LANES // 2)]
-            each(lambda task: self._in_lanes(*arguments, nothing, *task), tasks)
-            return
-        spans = np.linspace(0, count * logs, min(count * logs, 2 * workers()) + 1).astype(int)
-        each(lambda span: self.module.batch(*arguments, *span), pairwise(spans.tolist()))
+            parted = [effect.parts_the_arm for effect in self.effects]
+            stiff = ~np.any(arguments[10][:, :, parted], axis=(1, 2))
+        ends = [0, *(np.flatnonzero(np.diff(stiff)) + 1).tolist(), count]
+        tasks, single = [], []
+        for first, last in pairwise(ends):
+            if stiff[first]:
+                spans = [(first + a, first + b) for a, b in shares(last - first, LANES // 2)]
+                tasks += [(log, *span) for log in range(logs) for span in spans]
+            else:
+                single += [(run, run + 1) for run in range(first * logs, last * logs)]
+        each(lambda task: self._in_lanes(*arguments, nothing, *task), tasks)
+        each(lambda span: self.module.batch(*arguments, *span), single)
 
 
 def shares(count: int, most: int) -> list[tuple[int, int]]:
@@ -716,13 +727,10 @@ def _grasp(t, h, dq, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _planar(t, q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, first, second, on1, on2, p3, s, p2):
+def _planar(t, q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, p1, own, p2, first, second, p3, s):
     """Accelerations of a planar pair under the net torques of its joints: (q_1'', q_2'', torque 1, torque 2), the
-    torques on what does not rest."""
-    p1 = first[INERTIA] + _payload(t, first, on1)
-    added = _payload(t, second, on2) / s
-    own = second[INERTIA] / s + added
-    p2 += added
+    torques on what does not rest; p1, own: inertias of the joints (that of the second in units of the first), p2: what
+    of the second the first one carries."""
     c, z = _cosine(q2), _sine(q2)
     g1, g2 = 0.0, 0.0
     if second[GRAVITY_SINE] != 0.0 or second[GRAVITY_COSINE] != 0.0:
@@ -746,30 +754,34 @@ def _planar(t, q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, first, second, on1, o
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _twisted(q, dq, ql, dql, p, on):
+    """Share of the inertia behind a spring or a play, and the torque between the sides over that inertia."""
+    if _flexible(on):
+        first = FLEX_LOAD_P if FLEX_LOAD >= 0 and on[FLEX_LOAD] else FLEX_P
+        omega = 2.0 * math.pi * p[first + 1]
+        return p[first], omega * (omega * (q - ql) + 2.0 * p[first + 2] * (dq - dql))
+    first = _play_column(on)
+    d = q - ql
+    half = 0.5 * p[first]
+    al = 0.0
+    if abs(d) > half:
+        omega, deep = 2.0 * math.pi * p[first + 2], d - math.copysign(half, d)
+        al = omega * (omega * deep + 2.0 * p[first + 3] * (dq - dql))
+        if PLAY_POWER >= 0 and on[PLAY_POWER]:
+            al *= (abs(deep) / max(half, 1e-300)) ** (p[first + 4] - 1.0)
+        if al * d < 0.0:
+            al = 0.0
+    return p[first + 1], al
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _joined(t, q, dq, ql, dql, rhs, arm, p, on):
     """Accelerations of motor side and load side, the net torque rhs on the former and `arm` against the latter, beside
     its viscous friction: (q'', q_l'', torque between the sides)."""
     inertia = p[INERTIA] + _payload(t, p, on)
-    arm += p[ARM_VISCOUS] * dql
-    if _flexible(on):
-        first = FLEX_LOAD_P if FLEX_LOAD >= 0 and on[FLEX_LOAD] else FLEX_P
-        share, omega = p[first], 2.0 * math.pi * p[first + 1]
-        al = omega * (omega * (q - ql) + 2.0 * p[first + 2] * (dq - dql))
-        F = inertia * share * al
-        return (rhs - F) / (inertia * (1.0 - share)), al - arm / (inertia * max(share, SMALL)), F
-    if _playing(on):
-        first = _play_column(on)
-        d = q - ql
-        half = 0.5 * p[first]
-        al = 0.0
-        share = p[first + 1]
-        if abs(d) > half:
-            omega, deep = 2.0 * math.pi * p[first + 2], d - math.copysign(half, d)
-            al = omega * (omega * deep + 2.0 * p[first + 3] * (dq - dql))
-            if PLAY_POWER >= 0 and on[PLAY_POWER]:
-                al *= (abs(deep) / max(half, 1e-300)) ** (p[first + 4] - 1.0)
-            if al * d < 0.0:
-                al = 0.0
+    if _flexible(on) or _playing(on):
+        arm += p[ARM_VISCOUS] * dql
+        share, al = _twisted(q, dq, ql, dql, p, on)
         F = inertia * share * al
         return (rhs - F) / (inertia * (1.0 - share)), al - arm / (inertia * max(share, SMALL)), F
     a = rhs * p[MOBILITY] if inertia == p[INERTIA] else rhs / inertia
@@ -806,11 +818,13 @@ def _sides(start, p, on):
 def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
     """Time derivatives D of the states S (n, 8) at time t under the averaged amplifier command u (n,).
 
-    beside (n,): what the laws of the motor's position add to it."""
+    beside (n,): what the laws of the motor's position add to it. In a pair the rigid body is what lies behind springs
+    and plays: there the torque between the sides drives it."""
+    arm1, arm2, inertia1, inertia2 = 0.0, 0.0, 0.0, 0.0
     for j in range(n):
         p = P[j]
         q, dq = S[j, Q], S[j, DQ]
-        split = (_flexible(on[j]) or _playing(on[j])) and not (pair and j < 2)
+        split = _flexible(on[j]) or _playing(on[j])
         arm = _on_arm(t, S[j, QL] if split else q, dq, S[j, W], x[j], p, on[j], has[j, 2], pair and j < 2)
         viscous = p[VISCOUS] if split else p[VISCOUS] + p[ARM_VISCOUS]
         w, D[j, W], D[j, HEAT], r, level[j] = _chain(
@@ -821,20 +835,51 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
         D[j, Q] = dq
         D[j, QL] = S[j, DQL]
         if pair and j < 2:
-            continue
-        D[j, DQ], D[j, DQL], F = _joined(t, q, dq, S[j, QL], S[j, DQL], rhs[j], arm, p, on[j])
-        rhs[j] -= F
+            drive, inertia = rhs[j], p[INERTIA] + _payload(t, p, on[j])
+            if split:
+                share, al = _twisted(q, dq, S[j, QL], S[j, DQL], p, on[j])
+                drive = inertia * share * al
+                rhs[j] -= drive
+                D[j, DQ] = rhs[j] / (inertia * (1.0 - share))
+                drive -= arm + p[ARM_VISCOUS] * S[j, DQL]
+                inertia *= share
+            if j == 0:
+                arm1, inertia1 = drive, inertia
+            else:
+                arm2, inertia2 = drive, inertia
+        else:
+            D[j, DQ], D[j, DQL], F = _joined(t, q, dq, S[j, QL], S[j, DQL], rhs[j], arm, p, on[j])
+            rhs[j] -= F
         if stuck[j]:
             D[j, DQ] = 0.0
             D[j, Q] = 0.0
     if pair:
-        D[0, DQ], D[1, DQ], rhs[0], rhs[1] = _planar(
-            t, S[0, Q], S[0, DQ], S[1, Q], S[1, DQ], rhs[0], rhs[1], stuck[0], stuck[1], P[0], P[1], on[0], on[1],
-            rigid[0], rigid[1], rigid[2])
-        for j in range(2):
-            D[j, DQL] = D[j, DQ]
-            if stuck[j]:
-                D[j, Q] = 0.0
+        loose1, loose2 = _flexible(on[0]) or _playing(on[0]), _flexible(on[1]) or _playing(on[1])
+        s, added = rigid[1], _payload(t, P[1], on[1]) / rigid[1]
+        own, carried = P[1, INERTIA] / s + added, rigid[2] + added
+        rotor, turning = 0.0, 0.0
+        if loose2:
+            own, rotor = inertia2 / s, own - inertia2 / s
+            turning = min(max(carried - own, 0.0), rotor)  # of the rotor what turns with the first joint, too
+            carried = min(carried, own)
+            inertia1 += turning
+            if not stuck[1]:  # it follows by itself
+                inertia1 -= turning * turning / rotor
+                arm1 -= turning / rotor * rhs[1] / s
+        first, second = QL if loose1 else Q, QL if loose2 else Q
+        a1, a2, torque1, torque2 = _planar(
+            t, S[0, first], S[0, first + 1], S[1, second], S[1, second + 1],
+            arm1, arm2, stuck[0] and not loose1, stuck[1] and not loose2, inertia1, own, carried, P[0], P[1],
+            rigid[0], s)
+        D[0, DQL], D[1, DQL] = a1, a2
+        if not loose1:
+            D[0, DQ], rhs[0] = a1, torque1
+        if not loose2:
+            D[1, DQ], rhs[1] = a2, torque2
+        elif stuck[1]:
+            rhs[1] -= s * turning * a1
+        else:
+            D[1, DQ] -= turning * a1 / rotor
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')

@@ -30,7 +30,7 @@ def test_the_ceiling_is_told_the_names_and_finds_the_numbers() -> None:
 def test_a_winding_without_lag_gives_estimates_all_the_same() -> None:
     law: dict[ColumnName, float] = {"acceleration": 0.03, "velocity": 0.4}
     found = FullModel((("coulomb_friction", 1),)).fit([recorded(law, seconds=3.0)], RNG).estimates
-    assert found.names == ("acceleration", "velocity", "coulomb")
+    assert found.names[-3:] == ("acceleration", "velocity", "coulomb")  # before them a lag, if it is any
     assert found["velocity"] == pytest.approx(0.4, rel=0.01)
 
 

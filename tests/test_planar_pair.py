@@ -69,6 +69,69 @@ def test_a_joint_at_rest_is_pushed_by_the_other_one() -> None:
     assert np.ptp(held[:, 0]) == 0.0
 
 
+def elastic(command: Array, joint: int, share: float, omega: float, damping: float, gap: float) -> Array:
+    """Angles (T, 4) of motors and links by a stiff solver, with a spring or a play in one joint.
+
+    Four bodies: two rotors and two links. The second rotor sits on the first link; of p2, what the second link does not
+    have belongs to it, and turns with the first link, too. Stiff joints are very stiff springs.
+    """
+    p3, s, p2 = COUPLING.coupling_inertia, COUPLING.unit_ratio, COUPLING.shared_inertia
+    shares = [share if joint == j else 0.9 for j in (0, 1)]
+    inertias = np.array([FIRST["inertia"], SECOND["inertia"] / s])
+    links, rotors = shares * inertias, inertias - shares * inertias
+    carried = min(p2, links[1])
+    turning = min(p2 - carried, rotors[1])
+    stiffness = np.array([links[j] * omega**2 if joint == j else 1e6 for j in (0, 1)])
+    friction = np.array([2.0 * damping * links[j] * omega if joint == j else 1e2 for j in (0, 1)])
+    gaps = np.array([gap if joint == j else 0.0 for j in (0, 1)])
+
+    def rates(t: float, x: Array, u: Array) -> Array:
+        motor, link, motor_rate, link_rate = np.split(x, 4)
+        twist, twisting = motor - link, motor_rate - link_rate
+        deep = np.sign(twist) * np.maximum(np.abs(twist) - 0.5 * gaps, 0.0)
+        between = stiffness * deep + friction * twisting * (deep != 0.0 if gap else 1.0)
+        between = np.where(between * twist < 0.0, 0.0, between) if gap else between
+        drive = (u - np.array([0.32, 0.12]) * motor_rate) / [1.0, s] - between
+        c, z, d1, d2 = np.cos(link[1]), np.sin(link[1]), *link_rate
+        mass = np.zeros((4, 4))  # motor 1, motor 2, link 1, link 2
+        mass[0, 0], mass[1, 1], mass[1, 2], mass[2, 1] = rotors[0], rotors[1], turning, turning
+        mass[2, 2] = links[0] + carried + turning + 2 * p3 * c
+        mass[2, 3] = mass[3, 2] = carried + p3 * c
+        mass[3, 3] = links[1]
+        coriolis = p3 * z * np.array([-(2 * d1 * d2 + d2**2), d1**2])
+        acceleration = np.linalg.solve(mass, np.concatenate([drive, between - coriolis]))
+        return np.concatenate([motor_rate, link_rate, acceleration])
+
+    states = np.zeros((len(command), 8))
+    for k in range(len(command) - 1):
+        done = solve_ivp(rates, (0.0, DT), states[k], "Radau", args=(command[k],), rtol=1e-8, atol=1e-11)
+        states[k + 1] = done.y[:, -1]
+    return states[:, :4]
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize(
+    ("name", "gap", "load_side"),
+    [("joint_flexibility", 0.0, False), ("joint_flexibility_load_side", 0.0, True), ("backlash", 0.01, False)],
+)
+def test_a_spring_or_a_play_in_one_joint_of_an_arm(name: str, gap: float, load_side: bool, joint: int) -> None:
+    share, hertz, damping = 0.4, 9.0, 0.05
+    values = {"inertia_ratio": share, "frequency": hertz, "damping_ratio": damping} | ({"gap": gap} if gap else {})
+    parts = [
+        StructuredJoint(j + 1, "voltage", nominal, {name: values} if j == joint else {})
+        for j, nominal in enumerate((FIRST, SECOND))
+    ]
+    command = commands(700, 0.3, 0.4)
+    model = StructuredModel((parts[0], parts[1]), DT, COUPLING, EFFECTS)
+    moved = model.simulate(DT * np.arange(len(command)), command, State.at_rest(np.zeros(2))).position
+    motors_and_links = elastic(command, joint, share, 2 * np.pi * hertz, damping, gap)
+    expected = motors_and_links[:, 2:] if load_side else motors_and_links[:, :2]
+    rigid = pair_with().simulate(DT * np.arange(len(command)), command, State.at_rest(np.zeros(2))).position
+    size = np.max(np.abs(rigid - expected))
+    assert size > 2e-3 * np.ptp(expected)
+    assert moved == pytest.approx(expected, abs=0.03 * size)
+
+
 @pytest.fixture(scope="module")
 def problem() -> Problem:
     command = commands(3000, 0.3, 0.4)

@@ -162,7 +162,7 @@ def test_only_joints_in_which_small_causes_grow_are_simulated_with_noise() -> No
 def test_spectrum_of_the_unlogged_torque_has_its_rms() -> None:
     problem = problem_of({})
     fitted = fitted_with(problem, {})
-    frequency, power, band = torque_spectrum(problem, fitted, 0, predicted_motion(problem, fitted.point)[:, 0])
+    frequency, power, _, band = torque_spectrum(problem, fitted, 0, predicted_motion(problem, fitted.point)[:, 0])
     density = NOISE**2 * 2.0 * 0.02 / (1.0 + (2 * np.pi * frequency * 0.02) ** 2) / 1e-3  # per sample, as `power` is
     assert np.sqrt(np.mean(power[band])) == pytest.approx(np.sqrt(np.mean(density[band])), rel=0.3)
 

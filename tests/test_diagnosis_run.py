@@ -109,7 +109,15 @@ def effects_of(*names: str) -> list:
 
 
 def solved_of(read: Recordings, *names: str) -> Solved:
-    return solve(read, (1,), effects_of(*names), Settings(limit=1), lambda text: None, {})
+    return solve(
+        read,
+        (1,),
+        (structure(read.fitted[0], 1, read.robot),),
+        effects_of(*names),
+        Settings(limit=1),
+        lambda text: None,
+        {},
+    )
 
 
 @pytest.fixture(scope="module")

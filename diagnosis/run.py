@@ -182,7 +182,10 @@ def diagnose(
     joints = moving_joints(read.fitted, joint, findings)
     rng = np.random.default_rng(0)
     results, gaps, ledger, extensions, proposals = [], [], [], [], []
+    if read.robot is None and len(joints) > 1:
+        tell("whether the joints are those of an arm")
     for group, structures in groups(read.fitted, joints, read.robot, known):
+        findings += filter(None, [arm_said(read, group, structures)])
         solved = solve(read, group, structures, known, settings, tell, seconds)
         check_turns(read, solved)
         started = clock.perf_counter()
@@ -236,6 +239,17 @@ def check_turns(read: Recordings, solved: Solved) -> None:
         if item.effect.turns and joint in read.doubtful:
             what = f"{item.label.replace('_', ' ')} of joint {joint}"
             raise DiagnosisError(f"{what}, which these logs show, depends on what a turn is: {read.doubtful[joint]}")
+
+
+def arm_said(read: Recordings, group: tuple[int, ...], structures: tuple[JointStructure, ...]) -> str:
+    """That the logs show an arm where no description does; nothing otherwise."""
+    if read.robot is not None or len(group) < 2:
+        return ""
+    weight = ", with its weight" if structures[0].gravity == "pendulum" else ""
+    return (
+        f"joint {group[0]}, {group[1]}: the logs show a planar arm, the second link on the first{weight}; its nominal "
+        "model is fitted to both joints together"
+    )
 
 
 def together_said(read: Recordings, parts: int, results: Sequence[JointResult]) -> list[str]:

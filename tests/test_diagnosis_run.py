@@ -46,6 +46,7 @@ from diagnosis.result import (
 )
 from diagnosis.run import (
     Solved,
+    arm_said,
     check_turns,
     diagnose,
     is_determined,
@@ -289,6 +290,18 @@ def test_planar_pair_is_recognised_behind_noise(friction: float) -> None:
         assert not in_commands(noisy, 1, 2)[0]
         structures = structure(noisy, 1, None), structure(noisy, 2, None)
         assert planar_pair([noisy], (1, 2), structures, built_in()) == kind
+
+
+def test_an_arm_that_only_the_logs_show_is_said() -> None:
+    logs = Recordings((), (), "", None, ())
+    plain = JointStructure()
+    assert arm_said(logs, (1,), (plain,)) == ""
+    assert "joint 1, 2: the logs show a planar arm, the second link on the first; " in arm_said(
+        logs, (1, 2), (plain,) * 2
+    )
+    heavy = replace(plain, gravity="pendulum")
+    assert ", with its weight; " in arm_said(logs, (1, 2), (heavy,) * 2)
+    assert arm_said(replace(logs, robot=adept_robot()), (1, 2), (plain,) * 2) == ""
 
 
 def test_what_the_robot_says_of_a_joint() -> None:

@@ -19,6 +19,8 @@ from methods.effects.base import Effect
 
 LAG = "amplifier_lag"
 """The effect that may trade places with the joint's own lags."""
+CONSTANT = "amplifier_offset"
+"""The effect whose law cannot be inexact."""
 FORK = 0.5
 """Share of the chosen effect's evidence from which another one may have been the better choice."""
 CLOSER = 0.3
@@ -179,8 +181,9 @@ def least_beside(
 
     It may only make up for an inexact law of one of them, all the more where the evidence is weak and both follow the
     same signal. What follows the position and what follows the motor do not stand in for each other where the evidence
-    is strong.
+    is strong. An offset is a constant: there is nothing about it to repair.
     """
+    accepted = [item for item in accepted if item.label != CONSTANT]
     beside = [item.effect for item in accepted if item.joint == joint]
     is_weak = evidence <= settings.weak
     own = None if is_weak else DRIVEN_BY.get(effect.variable)

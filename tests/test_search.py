@@ -1104,10 +1104,15 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     assert least(wave, "motor torque", 50.0) == 0.5 * Settings().relevant
     assert least(wave, wave.variable, 50.0) == Settings().relevant
     assert least(NAMED["amplifier_offset"], "motor torque", 1e3) == 0.5 * Settings().relevant
+    offset = there(0, "elapsed time", label="amplifier_offset")  # a constant: nothing about it can be inexact
+    beside_offset = lambda *others: least_beside(wave, 0, 1e3, (offset, *others), Settings())  # type: ignore[arg-type]  # noqa: E731
+    assert beside_offset() == Settings().faint
+    assert beside_offset(there(0, "motor torque")) == Settings().material
+    assert beside_offset(there(1, "position")) == Settings().material
 
 
 def test_what_a_regression_says_is_too_small_is_not_fitted() -> None:
-    beside = (SimpleNamespace(joint=0, effect=NAMED["coulomb_friction"]),)
+    beside = (SimpleNamespace(joint=0, label="coulomb_friction", effect=NAMED["coulomb_friction"]),)
     start = lambda promise, share: Start(  # noqa: E731
         Hypothesis(NAMED["quadratic_drag"], 0), np.zeros((1, 1)), promise, share=share
     )

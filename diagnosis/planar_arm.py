@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from diagnosis.estimation import Fitted, fit
 from diagnosis.hypotheses import Hypothesis, extend
@@ -92,8 +93,10 @@ def planar_pair(
         coupled = [scored.fitted for fitted in found for scored in try_all(problem, fitted, coupling)[:1]]
         return min(map(cost, [*found, *coupled]))
 
-    best, gravity = min(each(together, kinds))
-    return gravity if best < sum(each(alone, list(zip(joints, structures, strict=True)))) - AHEAD else None
+    with threadpool_limits(1, "blas"):  # as in `diagnosis.engine`
+        best, gravity = min(each(together, kinds))
+        apart = sum(each(alone, list(zip(joints, structures, strict=True))))
+    return gravity if best < apart - AHEAD else None
 
 
 def cost(fitted: Fitted) -> float:

@@ -102,8 +102,8 @@ def plain(problem: Problem, fitted: Fitted) -> Fitted:
 
     What the nominal parameters can explain of them to first order is taken away.
     """
-    mask = np.zeros_like(fitted.whitener.mask)
-    mask[fitted.whitener.rows[fitted.whitener.late]] = True
+    mask = fitted.whitener.mask.copy()
+    mask[fitted.whitener.rows] = fitted.whitener.late
     filter_ = unfiltered(problem, mask)
     view = finish(problem, fitted.point, fitted.error, filter_, fitted.iterations)
     scale = view.weights

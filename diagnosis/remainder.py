@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_solve
@@ -45,8 +46,6 @@ DRAWS = 10
 """Realisations of the noise that such a joint is simulated with."""
 SMALL = 0.0015
 """Effect of a drift beside that of the command, up to which it is put down to integrators and inexact laws."""
-
-
 DIP = 1.5
 """Ratio of the frequencies on both sides of an antiresonance."""
 LUCKY = 0.5
@@ -193,7 +192,8 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     gain = lambda basis: -count * np.log(max(1.0 - project(basis, residual)[1] / total, 1e-12))  # noqa: E731
     base = gain(fitted.jacobian)
     every = np.vstack([fitted.jacobian, *responses.values()])
-    scatter = scattering(problem, fitted, joint, motion)
+    spectrum = torque_spectrum(problem, fitted, joint, motion)
+    scatter = scattering(problem, fitted, joint, spectrum)
     found = []
     for name, response in responses.items():
         basis = np.vstack([fitted.jacobian, response])
@@ -206,8 +206,8 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         float(gain(every) - base),
         sum(len(r) for r in responses.values()),
         _share(problem, fitted, joint, groups, every, residual, size),
-        *disturbance(problem, fitted, joint, motion),
-        *(disturbance(problem, fitted, joint, motion, WIDER) if shows_blows(problem, fitted, joint) else (0.0, 0.0)),
+        *disturbance(problem, spectrum, motion),
+        *(disturbance(problem, spectrum, motion, WIDER) if shows_blows(problem, fitted, joint) else (0.0, 0.0)),
         drifts(problem, fitted, joint, scatter),
         scattered(fitted, every, scatter),
         deviations(fitted, scatter),
@@ -236,7 +236,7 @@ def shows_blows(problem: Problem, fitted: Fitted, joint: int) -> bool:
     return found is None or found.decrease < JITTERS
 
 
-def scattering(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> Array:
+def scattering(problem: Problem, fitted: Fitted, joint: int, spectrum: TorqueSpectrum) -> Array:
     """What noise makes of the innovations (DRAWS, N n), weighted, of a joint in which small causes grow; (0, N n) else.
 
     Behind impacts a small torque makes errors that are no longer small nor independent of the motion, whatever the
@@ -247,8 +247,7 @@ def scattering(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> A
     nothing: Array = np.zeros((0, fitted.innovation.size))
     if not scatters(problem, fitted.point, joint):
         return nothing
-    generator = np.random.default_rng(0)
-    frequency, power, _, band = torque_spectrum(problem, fitted, joint, motion)
+    generator, (frequency, power, _, band) = np.random.default_rng(0), spectrum
     count, noise = len(problem.time), fitted.weights
     edge = frequency[band][-1] if np.any(band) else 0.0
     beyond = np.mean(power[band]) * (edge / np.maximum(frequency, edge)) ** 2 if edge > 0.0 else 0.0
@@ -339,14 +338,27 @@ def drifts(problem: Problem, fitted: Fitted, joint: int, scatter: Array) -> tupl
     return tuple(sorted(found, key=lambda d: d.p_value))
 
 
-def disturbance(problem: Problem, fitted: Fitted, joint: int, motion: Array, times: float = 1.0) -> tuple[float, float]:
+class TorqueSpectrum(NamedTuple):
+    """Spectrum of the unlogged torque that drives a joint, all (F,).
+
+    Frequencies; the spectrum, whose mean over all frequencies is the mean square of the torque; its deviation where the
+    sensor's noise is all there is; and the mask of the joint's band of motion.
+    """
+
+    frequency: Array
+    power: Array
+    deviation: Array
+    band: np.ndarray
+
+
+def disturbance(problem: Problem, spectrum: TorqueSpectrum, motion: Array, times: float = 1.0) -> tuple[float, float]:
     """Rms of the unlogged torque that drives the joint in so many times its band of motion, and its share of the motor
     torque's.
 
     Up to the frequency to which most of it exceeds its deviation: far above, where hardly any torque shows, the least
     of the sensor's noise would stand for a large one. motion: predicted angle, velocity and motor torque (T, 3).
     """
-    frequency, power, chance, band = torque_spectrum(problem, fitted, joint, motion)
+    frequency, power, chance, band = spectrum
     if times != 1.0 and np.any(band):
         band = frequency <= times * frequency[band][-1]
     certain = np.cumsum(np.where(band, power - chance, 0.0))
@@ -354,14 +366,10 @@ def disturbance(problem: Problem, fitted: Fitted, joint: int, motion: Array, tim
     return size, size / max(float(np.sqrt(np.mean(motion[problem.used, 2] ** 2))), 1e-300)
 
 
-def torque_spectrum(
-    problem: Problem, fitted: Fitted, joint: int, motion: Array
-) -> tuple[Array, Array, Array, np.ndarray]:
-    """Frequencies (F,), spectrum (F,) of the unlogged torque that drives a joint, its deviation (F,) where the sensor's
-    noise is all there is, and the mask (F,) of the joint's band of motion.
+def torque_spectrum(problem: Problem, fitted: Fitted, joint: int, motion: Array) -> TorqueSpectrum:
+    """What the innovations say of the torque that nobody logged.
 
     motion: predicted angle, velocity and motor torque (T, 3); a measured velocity shows the band of a coarse encoder.
-    The mean of the spectrum over all frequencies is the mean square of the torque.
 
     With S the spectrum of the prediction errors, S_0 what white noise of the sensor makes of it behind the leak l
     (``S_0 ~ w^2 / (w^2 + l^2)``, its level read off the upper half of the band) and H the response of the error to a
@@ -379,14 +387,15 @@ def torque_spectrum(
     deviation = spectral_deviation(problem, fitted, joint, count)
     power = tool.power(angular, dt)
     if not np.any(power > 0.0):  # friction holds the joint all the time: no torque shows
-        return frequency, *np.zeros((2, len(frequency))), np.zeros(len(frequency), dtype=bool)
+        nothing = np.zeros(len(frequency))
+        return TorqueSpectrum(frequency, nothing, nothing, nothing > 0.0)
     power = without_dips(frequency, power)
     whole, noise = variance / np.maximum(power, FLOOR * np.max(power)), sensor / spectrum
     torque: Array = whole * np.clip(1.0 - (1.0 + 3.0 * deviation) * noise, 0.0, 1.0)
     lowest = 2.0 / (problem.time[problem.bounds[1] - 1] - problem.time[0])
     bands = (bandwidth(problem.time[a:b], motion[a:b, 1]) for a, b in pairwise(problem.bounds))
     band = frequency < max(lowest, *bands)
-    return frequency, torque, whole * noise * deviation, band
+    return TorqueSpectrum(frequency, torque, whole * noise * deviation, band)
 
 
 def without_dips(frequency: Array, power: Array) -> Array:

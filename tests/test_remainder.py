@@ -153,7 +153,8 @@ def test_a_missing_effect_explains_more_than_noise_lets_others_explain() -> None
 def test_only_joints_in_which_small_causes_grow_are_simulated_with_noise() -> None:
     problem = problem_of(SPRING)
     fitted = fitted_with(problem, SPRING)
-    assert len(scattering(problem, fitted, 0, predicted_motion(problem, fitted.point)[:, 0])) == 0
+    spectrum = torque_spectrum(problem, fitted, 0, predicted_motion(problem, fitted.point)[:, 0])
+    assert len(scattering(problem, fitted, 0, spectrum)) == 0
     left = remainder(problem, fitted, 0)
     assert left.scattered == 0.0
     assert left.excess == 0.0

@@ -404,7 +404,8 @@ def without_dips(frequency: Array, power: Array) -> Array:
     even = np.geomspace(frequency[1], frequency[-1], 4096)
     size = max(1, round(np.log(DIP) / np.log(even[1] / even[0])))
     level = np.log(np.maximum(np.interp(even, frequency, power), 1e-300))
-    filled = np.exp(grey_closing(level, size, mode="nearest"))
+    around = np.pad(level, size, mode="reflect", reflect_type="odd")  # slopes go on beyond the ends
+    filled = np.exp(grey_closing(around, size)[size:-size])
     return np.maximum(power, np.interp(frequency, even, filled))
 
 

@@ -11,7 +11,15 @@ from diagnosis.estimation import Fitted, covariance, fit, predicted_motion
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem, stack
-from diagnosis.remainder import Remainder, remainder, scattering, torque_spectrum
+from diagnosis.remainder import (
+    Remainder,
+    TorqueSpectrum,
+    disturbance,
+    remainder,
+    scattering,
+    torque_spectrum,
+    without_dips,
+)
 from diagnosis.run import growth_said
 from diagnosis.search import met
 from diagnosis.settings import Settings
@@ -166,6 +174,30 @@ def test_spectrum_of_the_unlogged_torque_has_its_rms() -> None:
     frequency, power, _, band = torque_spectrum(problem, fitted, 0, predicted_motion(problem, fitted.point)[:, 0])
     density = NOISE**2 * 2.0 * 0.02 / (1.0 + (2 * np.pi * frequency * 0.02) ** 2) / 1e-3  # per sample, as `power` is
     assert np.sqrt(np.mean(power[band])) == pytest.approx(np.sqrt(np.mean(density[band])), rel=0.3)
+
+
+def test_a_torque_ends_where_noise_would_stand_for_it() -> None:
+    """What stands out by chance far above the band is none; a torque in the band counts whatever noise hides above."""
+    problem = problem_of({})
+    motion = np.ones((len(problem.time), 3))
+    frequency = np.linspace(0.0, 500.0, 5001)
+    deviation = 1e-3 + (frequency / 100.0) ** 4
+    chance = np.where(np.random.default_rng(0).random(len(frequency)) < 0.02, deviation, 0.0)
+    slow = np.where(frequency < 5.0, 40.0, 0.0)
+    size = lambda power: disturbance(problem, TorqueSpectrum(frequency, power, deviation, frequency < 400.0), motion)[0]  # noqa: E731
+    assert size(chance) < 1e-2 * np.sqrt(np.mean(chance))
+    assert size(slow + chance) == pytest.approx(np.sqrt(np.mean(slow)), rel=0.02)
+
+
+def test_antiresonances_are_filled_and_slopes_stay() -> None:
+    frequency = np.linspace(0.0, 500.0, 5001)
+    slope = 1.0 / (1.0 + frequency**4)
+    assert without_dips(frequency, slope) == pytest.approx(slope, rel=0.02)
+    notch = slope * (1.0 - 0.999 * np.exp(-(((frequency - 28.0) / 1.5) ** 2)))
+    ratio = without_dips(frequency, notch) / slope
+    assert np.min(notch / slope) < 2e-3
+    assert np.all(ratio > 0.5)
+    assert np.all(ratio < 1.05)
 
 
 @pytest.mark.parametrize(("friction", "drift", "missing"), [(0.4, 0.006, False), (0.4, 0.03, True), (0.01, 0.01, True)])

@@ -15,6 +15,8 @@ SYMBOLS = {
     "gravity_cosine": "G_c",
     "load": "L",
     "arm_damping": "b_l",
+    "shared_inertia": "P",
+    "coupling_inertia": "K",
 }
 """Nominal parameters by the letters of the equation of motion."""
 ARM = r"J r\,\ddot q_l = F"
@@ -32,12 +34,15 @@ class Formula:
 
 
 def model_equations(joint: JointResult) -> tuple[Formula, ...]:
-    """Equations of the extended model, torques in units of the command; other joints enter by their effects alone."""
+    """Equations of the extended model, torques in units of the command; other joints enter by their effects, and the
+    other one of a planar pair by the arm's own equation (q with its number)."""
     names = {parameter.name for parameter in joint.nominal}
     laws = _laws(joint.effects)
     driven = "v_a" if any(effect.stage == "amplifier" for effect in joint.effects) else "u"
     motor = r"\tau_m" if any(_side(effect.equation) == r"\tau_m" for effect in joint.effects) else "w"
     terms = [r"J\,\ddot q", r"B\,\dot q", *(term for name, term in GRAVITY if name in names)]
+    if joint.beside is not None:
+        terms[:] = _planar(joint, joint.beside, names)
     terms += [side for side, formula in laws if side is not None and formula.effect is not None]
     lines = []
     electrical, behind = "electrical_time_constant" in names, "arm_damping" in names
@@ -49,6 +54,8 @@ def model_equations(joint: JointResult) -> tuple[Formula, ...]:
     elif motor == "w":
         motor = driven
     lines.append(Formula(f"{' + '.join(terms)} = {motor}", None))
+    if joint.beside is not None and f"W_{joint.beside}" in terms:
+        lines.append(Formula(rf"W_{joint.beside} = \mathrm{{gravity\ of\ joint\ {joint.beside}}}", None))
     formulas = [formula for _, formula in laws]
     if behind:
         damped = ARM.replace("= F", r"+ b_l\,\dot q_l = F")
@@ -58,6 +65,23 @@ def model_equations(joint: JointResult) -> tuple[Formula, ...]:
         if not electrical:
             lines.append(Formula(whole, None))
     return (*lines, *formulas)
+
+
+def _planar(joint: JointResult, other: int, names: set[str]) -> list[str]:
+    """Terms of a joint of a planar pair (`methods.kernel`), its damping second; the other one is q with its number."""
+    beside = f"q_{other}"
+    rate, acceleration = rf"\dot {beside}", rf"\ddot {beside}"
+    weights = [term for name, term in GRAVITY[:2] if name in names]
+    load = [term for name, term in GRAVITY[2:] if name in names]
+    if joint.joint < other:
+        own = rf"(J + P + 2 K \cos {beside})\,\ddot q"
+        driven = rf"(P + K \cos {beside})\,{acceleration} - K \sin {beside}\,(2 \dot q + {rate})\,{rate}"
+        hanging = [f"W_{other}"] if weights else []
+    else:
+        own = r"J\,\ddot q"
+        driven = rf"(P + K \cos q)\,{acceleration} + K \sin q\,{rate}^2"
+        weights, hanging = [term.replace(" q", f" ({beside} + q)") for term in weights], []
+    return [own, r"B\,\dot q", driven, *weights, *hanging, *load]
 
 
 def _laws(effects: tuple[NamedEffect, ...]) -> list[tuple[str | None, Formula]]:

@@ -300,6 +300,10 @@ PARTS: dict[str, tuple[str, ...]] = {
     "arm_damping": ("arm_viscous",),
 }
 """Nominal parameters as they are reported; command and angle determine the damping as a whole."""
+COUPLING = {"shared_inertia": 2, "coupling_inertia": 0}
+"""What couples a planar pair, with its place in `Point.rigid`, in units of the first joint."""
+RATIO = 1
+"""Place there of the units per torque of the second joint over those of the first."""
 
 
 def nominal_parameters(
@@ -314,7 +318,27 @@ def nominal_parameters(
             continue
         none = Estimate(0.0, 0.0, units(NOMINAL_DIMENSIONS[parts[0]], joint)[1])
         found.append(NominalParameter(title, none.unit, given.get(title), before or none, after or none))
+    unit = units(NOMINAL_DIMENSIONS["inertia"], joint)[1]
+    if any(f.kind == "rigid" for f in final.point.free):
+        for title, column in COUPLING.items():
+            before, after = (_coupling(f, s, column, j, unit) for f, s in zip((nominal, final), spreads, strict=True))
+            found.append(NominalParameter(title, unit, None, before, after))
     return tuple(found)
+
+
+def _coupling(fitted: Fitted, spread: Array, column: int, j: int, unit: str) -> Estimate:
+    """An inertia of the arm in units of joint index j of a pair, whose ratio to those of the first one is known no
+    better than it is."""
+    ratio = float(fitted.point.rigid[RATIO]) if j else 1.0
+    value = float(fitted.point.rigid[column]) * ratio
+    slope = np.zeros(len(fitted.point.free))
+    for i, f in enumerate(fitted.point.free):
+        if f.kind == "rigid" and f.column == column:
+            slope[i] = ratio
+        elif f.kind == "rigid" and f.column == RATIO and j:
+            slope[i] = value / ratio
+    variance = max(float(slope @ spread @ slope), 0.0) + (INEXACT * value) ** 2
+    return Estimate(value, float(np.sqrt(variance)), unit)
 
 
 def _estimate(fitted: Fitted, spread: Array, parts: tuple[str, ...], j: int, joint: JointUnits) -> Estimate | None:

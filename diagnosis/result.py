@@ -281,7 +281,8 @@ class JointResult:
     that nobody fitted, where only that says that it is wrong. patched: what the effects stand for together, where they
     are pieces of another law. drifts: how constant each parameter is within the logs and from one to the next. wave:
     an error of the readings that is periodic in the position.
-    title: its name in the robot's description, if that says more than the number. scattered: what noise alone would let
+    title: its name in the robot's description, if that says more than the number. beside: the number of the other joint
+    where the two are a planar pair. scattered: what noise alone would let
     a hypothesis explain beside the model, where small causes grow in it.
     """
 
@@ -307,6 +308,7 @@ class JointResult:
     drifts: tuple[Drift, ...] = ()
     wave: Wave | None = None
     title: str = ""
+    beside: int | None = None
     scattered: float = 0.0
 
 

@@ -561,6 +561,7 @@ def joint_result(
         patched=finding.patched.get(j),
         drifts=left.drifts,
         wave=left.wave,
+        beside=solved.joints[1 - j] if solved.problem.pair else None,
         scattered=finding.scattered,
     )
     return result, own_gap, ledger

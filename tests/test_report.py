@@ -368,6 +368,28 @@ def test_damping_of_an_arm_behind_a_spring_has_its_equation_and_no_shift() -> No
     assert [parameter.name for parameter in joint.nominal if parameter.is_new] == ["arm_damping"]
 
 
+@pytest.mark.parametrize(("joint", "other"), [(1, 2), (2, 1)])
+def test_equations_of_a_planar_pair_are_those_of_the_arm(joint: int, other: int) -> None:
+    """Lagrange's equations of two links, p1 + p2 + 2 p3 cos q2 and so on, written out and compared as numbers."""
+    q1, q2, d1, d2, a1, a2 = 0.7, -1.2, 1.9, -0.6, 3.1, 2.3
+    p1, p2, p3, own = 2.0, 0.9, 0.5, 1.1
+    single = joint_result(joint, "none", "log")
+    nominals = [p for p in single.nominal if p.name in ("inertia", "damping")]
+    tex = model_equations(replace(single, nominal=tuple(nominals), effects=(), beside=other))[0].tex
+    motions = [(f"q_{other}", (q2, d2, a2)), ("q", (q1, d1, a1))]
+    if joint == 2:
+        motions = [(f"q_{other}", (q1, d1, a1)), ("q", (q2, d2, a2))]
+    left = tex.partition(" = ")[0].replace(r"\,", "*").replace("^2", "**2").replace(" 2 ", " 2*").replace("(2 ", "(2*")
+    for name, (angle, rate, acceleration) in motions:
+        left = left.replace(rf"\sin {name}", f"*({np.sin(angle)})").replace(rf"\cos {name}", f"*({np.cos(angle)})")
+        left = left.replace(rf"\ddot {name}", f"({acceleration})").replace(rf"\dot {name}", f"({rate})")
+    found = eval(left, {"J": p1 if joint == 1 else own, "P": p2, "K": p3, "B": 0.0})
+    c, s = np.cos(q2), np.sin(q2)
+    first = (p1 + p2 + 2 * p3 * c) * a1 + (p2 + p3 * c) * a2 - p3 * s * (2 * d1 + d2) * d2
+    second = own * a2 + (p2 + p3 * c) * a1 + p3 * s * d1**2
+    assert found == pytest.approx(first if joint == 1 else second)
+
+
 def test_laws_that_share_a_symbol_are_numbered() -> None:
     joint = joint_result(1, "named", "log")
     drag = next(e for e in built_in() if e.name == "quadratic_drag")
@@ -405,6 +427,7 @@ def test_numbers_for_people() -> None:
     assert number(None) == number(float("nan")) == "–"
     assert percent(0.99999) == "> 99.9\u00a0%"
     assert percent(1.0) == "100\u00a0%"
+    assert percent(-672.4) == "\u2212670\u00a0×"
     assert unbroken("from 41 to 3 mrad") == "from 41 to 3\u00a0mrad"
     assert unbroken("6.9 ± 0.1 N m is") == "6.9\u00a0±\u00a00.1\u00a0N\u00a0m is"
 

@@ -31,7 +31,7 @@ from diagnosis.replay import (
     transfer,
     window_width,
 )
-from diagnosis.result import Failure, Gap, LedgerRow
+from diagnosis.result import RAN_AWAY, Failure, Gap, LedgerRow
 from envs.log import Array
 from envs.log_statistics import position_noise
 from methods.kernel import NOMINAL
@@ -252,8 +252,9 @@ def gap(
 
 
 def closed(after: float, before: float, floor: float) -> float | None:
-    """Share of the explainable gap (before - floor) that is closed, at most 1; None where there is no such gap."""
-    if not before > DISTINCT * floor:
+    """Share of the explainable gap (before - floor) that is closed, at most 1; None where there is no such gap, or
+    none with a size: a simulation that ran away may be off by anything."""
+    if not RAN_AWAY > before > DISTINCT * floor:
         return None
     return float(min(1.0, (before - after) / (before - floor)))
 

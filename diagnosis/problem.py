@@ -187,7 +187,12 @@ class Problem:
 
     def credible(self, error: Array) -> bool:
         """False for a simulation that ran away: a constant, absurd error would be predicted perfectly."""
-        return bool(np.max(np.abs(error)) < min(DIVERGED, 20.0 * float(np.max(np.ptp(self.reading, axis=0)))))
+        return bool(max(error.max(), -error.min()) < min(DIVERGED, 20.0 * self.extent))
+
+    @cached_property
+    def extent(self) -> float:
+        """How far the readings reach, of the joint that moves farthest."""
+        return float(np.max(np.ptp(self.reading, axis=0)))
 
     def errors(
         self,

@@ -18,6 +18,7 @@ from markupsafe import Markup
 from diagnosis import quantities
 from diagnosis.model_equations import SYMBOLS, Formula, model_equations
 from diagnosis.result import (
+    RAN_AWAY,
     Alternative,
     Diagnosis,
     Gap,
@@ -102,9 +103,15 @@ def render(diagnosis: Diagnosis) -> str:
         p_value=p_value,
         unbroken=quantities.unbroken,
         angle=angle,
+        error=error,
     )
     environment.globals.update(
-        measured=quantities.measured, scale_for=quantities.scale_for, MEANING=MEANING, ALIKE=ALIKE, PAIRS=PAIRS
+        measured=quantities.measured,
+        scale_for=quantities.scale_for,
+        MEANING=MEANING,
+        ALIKE=ALIKE,
+        PAIRS=PAIRS,
+        RAN_AWAY=RAN_AWAY,
     )
     with report_style():
         joints = tuple(joint_page(diagnosis, joint) for joint in diagnosis.joints)
@@ -243,6 +250,14 @@ def relative_deviation(parameter: NominalParameter) -> float:
 def p_value(p: float) -> str:
     """A p-value; below 1e-12 only that."""
     return "< 10⁻¹²" if p < 1e-12 else quantities.number(p, 2)
+
+
+def error(value: float, unit: str, beside: float | None = None) -> str:
+    """An error of free simulation with its unit, scaled as another one beside it would be."""
+    if value > RAN_AWAY:
+        return "runs away"
+    factor, scaled = quantities.scale_for([value if beside is None else beside], unit)
+    return f"{quantities.number(factor * value)}\u00a0{quantities.pretty_unit(scaled)}"
 
 
 def angle(degrees: float) -> str:

@@ -17,6 +17,9 @@ from diagnosis.patchwork import Patchwork
 from diagnosis.remainder import Drift
 from envs.log import Array, InputKind
 
+RAN_AWAY = 1e3
+"""Error of free simulation over short windows [rad or m] that only a simulation which ran away has."""
+
 
 @dataclass(frozen=True)
 class Estimate:

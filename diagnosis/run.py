@@ -28,6 +28,7 @@ from diagnosis.instants import own_instants
 from diagnosis.isolability import isolability
 from diagnosis.lags import instead_of_winding
 from diagnosis.ledger import WINDOW, Step, failures, floor_of, gap, given_point, rows, steps
+from diagnosis.louder_logs import is_louder
 from diagnosis.next_experiment import Range, next_experiment
 from diagnosis.nominal import JointStructure, settle_stamps
 from diagnosis.open_laws import left_open
@@ -90,6 +91,7 @@ class Solved:
     """One problem (a joint, or a coupled pair) from logs to ledger; `no_compensator` says why there is none.
 
     failing: by index the joints whose model does not hold on the held-out logs though nothing was left to explain.
+    louder: those that err there by more than the noise of the fitted logs makes, which is stronger there.
     left_open: by index the laws that go on there in a way that the fitted logs do not tell, and by how much they err.
     rest: where the torques of the rest of the arm are from, or why they are missing. limits: by index the joints whose
     stated torque limit is reached in the held-out logs only, and whether it acts there.
@@ -108,6 +110,7 @@ class Solved:
     rest: str = ""
     limits: Mapping[int, bool] = field(default_factory=dict)
     left_open: Mapping[int, tuple[str, Failure]] = field(default_factory=dict)
+    louder: Mapping[int, Failure] = field(default_factory=dict)
 
     @property
     def verdict(self) -> Verdict:
@@ -198,7 +201,16 @@ def diagnose(
             ledger += compared(read, solved, j, own_gap, rng, networks=rivals)
             proposal = next_experiment(solved.problem, solved.finding, j, group[j], allowed(read, group[j]))
             proposals += [] if proposal is None else [proposal]
-            solved_notes = (timing_said, growth_said, lags_said, winding_said, limit_said, open_law_said, budget_said)
+            solved_notes = (
+                timing_said,
+                growth_said,
+                lags_said,
+                winding_said,
+                limit_said,
+                open_law_said,
+                louder_said,
+                budget_said,
+            )
             notes = (scale_said(result), instants_said(result), *(said(solved, j) for said in solved_notes))
             findings += filter(None, notes)
         if solved.rest:
@@ -378,6 +390,16 @@ def open_law_said(solved: Solved, j: int) -> str:
     )
 
 
+def louder_said(solved: Solved, j: int) -> str:
+    """That more noise is in the held-out logs than in the fitted ones; nothing otherwise."""
+    if j not in solved.louder:
+        return ""
+    return (
+        f"joint {solved.joints[j]}: on the held-out logs the model errs {solved.louder[j]}, but by what depends on no "
+        "signal and calls for no other parameters: noise that nobody logged is stronger there than in the fitted logs"
+    )
+
+
 def is_determined(effect: NamedEffect) -> bool:
     """Whether the logs determine any parameter of an effect with several: one of which they tell nothing but that it
     explains something stands for another one."""
@@ -496,6 +518,8 @@ def solve(
         given = given_point(finding.nominal, 0, given_numbers(read.robot, group[0], first))
     ledger = steps(problem, held_out, finding, given)
     failing = failures(problem, held_out, finding, ledger)
+    louder = {j: own for j, own in failing.items() if own.noise and is_louder(held_out, finding, j)}
+    failing = {j: own for j, own in failing.items() if j not in louder}
     laws = left_open(problem, held_out, finding, ledger, failing, effects)
     tell(f"{name}: a network for the remainder")
     networks, reason = compensators(read.fitted, problem, finding, group, np.random.default_rng(0))
@@ -518,6 +542,7 @@ def solve(
         rest,
         limits,
         laws,
+        louder,
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from io import StringIO
 
 from diagnosis.quantities import measured, number, percent, plain, quantity, scale_for, title
-from diagnosis.result import Diagnosis, Estimate, Gap, JointResult, NamedEffect
+from diagnosis.result import RAN_AWAY, Diagnosis, Estimate, Gap, JointResult, NamedEffect
 
 HEADLINE = {
     "joint_flexibility": "of {stiffness}",
@@ -36,16 +36,17 @@ def parameter_title(name: str) -> str:
     return f"{title(own)} of {title(effect)}" if effect else title(own)
 
 
-RAN_AWAY = 1e3
-"""Error of free simulation over short windows [rad or m] that only a simulation which ran away has."""
-
-
 def gain(gap: Gap) -> str:
     """How an error changed: ``cuts the held-out error from 41 to 3.1 mrad, noise floor 1 mrad``."""
-    if gap.after > max(RAN_AWAY, gap.before):
-        return f"makes the simulation run away on the {'held-out logs' if gap.on == 'held-out' else 'data kept apart'}"
-    factor, unit = scale_for([gap.before], gap.unit)
+    if gap.after > RAN_AWAY:
+        verb = "leaves the simulation running" if gap.before > RAN_AWAY else "makes the simulation run"
+        return f"{verb} away on the {'held-out logs' if gap.on == 'held-out' else 'data kept apart'}"
+    factor, unit = scale_for([gap.after if gap.before > RAN_AWAY else gap.before], gap.unit)
     before, after, floor = (number(factor * value) for value in (gap.before, gap.after, gap.noise_floor))
+    if gap.before > RAN_AWAY:
+        return (
+            f"makes the {error_name(gap)} {after} {unit} where the nominal model runs away, noise floor {floor} {unit}"
+        )
     verb = "cuts" if gap.after < gap.before else "changes"
     return f"{verb} the {error_name(gap)} from {before} to {after} {unit}, noise floor {floor} {unit}"
 

@@ -32,8 +32,8 @@ the other forces stay below the friction level, and breaks away), bristles and t
 exact exponential solution.
 
 Candidates of a single joint, whatever their effects, go eight at a time in the lanes of the processor's vectors, on
-several logs at once where these have the same instants, and those of a planar pair with stiff transmissions four at a
-time (`run_lanes`), to the same bits as one at a time (`run`, for any number of joints).
+several logs at once where these have the same instants, and those of a planar pair four at a time (`run_lanes`), to the
+same bits as one at a time (`run`, for any number of joints).
 """
 
 from __future__ import annotations
@@ -100,6 +100,7 @@ and velocity exceed the arm's where there is a spring or a play, beyond the twis
 share the resistance exceeds that of a cold winding where it drifts."""
 LANES = 8
 """Joints that are simulated at once: candidates of a single joint, or half as many of a planar pair."""
+HALF = LANES // 2
 LANE_ROWS = (
     *("Q", "DQ", "W", "HEAT", "QL", "DQL", "Z", "LAG"),
     *("QS", "WS", "HEATS", "QLS"),
@@ -274,21 +275,14 @@ class Kernel:
             alike = [(log, 1) for log in range(logs)] if len(neighbour) else same_instants(arguments[0], bounds)
             runs = [(*own, *span) for own in alike for span in shares(own[1] * count, LANES)]
             each(lambda run: self._in_lanes(*arguments, nothing, *run), runs)
-            return
-        stiff = np.zeros(count, dtype=bool)
-        if pair and joints == 2 and not len(neighbour):
-            parted = [effect.parts_the_arm for effect in self.effects]
-            stiff = ~np.any(arguments[10][:, :, parted], axis=(1, 2))
-        ends = [0, *(np.flatnonzero(np.diff(stiff)) + 1).tolist(), count]
-        tasks, single = [], []
-        for first, last in pairwise(ends):
-            if stiff[first]:
-                spans = [(first + a, first + b) for a, b in shares(last - first, LANES // 2)]
-                tasks += [(log, *span) for log in range(logs) for span in spans]
-            else:
-                single += [(run, run + 1) for run in range(first * logs, last * logs)]
-        each(lambda task: self._in_lanes(*arguments, nothing, *task), tasks)
-        each(lambda span: self.module.batch(*arguments, *span), single)
+        elif pair and joints == 2 and not len(neighbour):
+            parted = np.any(arguments[10][:, :, [effect.parts_the_arm for effect in self.effects]], axis=(1, 2))
+            ends = [0, *(np.flatnonzero(np.diff(parted)) + 1).tolist(), count]  # stiff ones are quicker by themselves
+            spans = [(first + a, first + b) for first, last in pairwise(ends) for a, b in shares(last - first, HALF)]
+            tasks = [(log, *span) for log in range(logs) for span in spans]
+            each(lambda task: self._in_lanes(*arguments, nothing, *task), tasks)
+        else:
+            each(lambda run: self.module.batch(*arguments, run, run + 1), range(count * logs))
 
 
 def shares(count: int, most: int) -> list[tuple[int, int]]:
@@ -388,7 +382,7 @@ def _source(kernel: Kernel) -> str:
         template = template.replace(f"#{symbol}#", f"({values},)")
     constants = [f"{row}_ = {place} * {LANES}" for place, row in enumerate(LANE_ROWS)]
     constants += [f"LANES, ROWS, STATES = {LANES}, {len(LANE_ROWS) + kernel.columns}, {LANE_ROWS.index('MOBILITY')}"]
-    constants += [f"HALF = {LANES // 2}"]
+    constants += [f"HALF = {HALF}"]
     constants += [f"RATES = {LANE_ROWS.index('FIRST_Q') - LANE_ROWS.index('DQS')}"]
     constants += [f"{row}_ = {lane_row(NOMINAL.index(row.lower()))}" for row in STANDING]
     constants += [f"FIRST_PARAMETER = {len(LANE_ROWS)}"]
@@ -1213,11 +1207,12 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                     left -= span
                 else:
                     break
-            if not math.isfinite(S[0, Q]) or abs(S[0, DQ]) > 1e9:
-                for kk in range(k + 1, last):
-                    for j in range(n):
-                        out[kk, j] = 1e6
-                return
+            for i in range(n):
+                if not abs(S[i, DQ]) < 1e9:
+                    for kk in range(k + 1, last):
+                        for j in range(n):
+                            out[kk, j] = 1e6
+                    return
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
@@ -1342,7 +1337,9 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
         #friction_lanes#
         for l in range(LANES):
             S[R_ + l] -= S[SIGN_ + l] * S[LEVEL_ + l]
-    if rigid is not None:
+    if rigid is not None and split:
+        _parted_pairs(S, p, on, parted)
+    elif rigid is not None:
         _planar_lanes(S, p, on, any_on, has[3], hanging)
     elif ends == ONE_BODY:
         for l in range(LANES):
@@ -1427,6 +1424,55 @@ def _planar_lanes(S, p, on, any_on, dry, hanging):
             a1 = r1 / S[FIRST_INERTIA_ + l]
             S[R_ + m] = S[RATIO_ + l] * (r2 - cross * a1)
         S[DDQ_ + l], S[DDQ_ + m] = a1, a2
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _parted_pairs(S, p, on, parted):
+    """As `_planar_lanes` where springs or plays are among the joints: the same equations as in `_rates`."""
+    for l in range(HALF):
+        m, t = l + HALF, S[T_ + l]
+        first, second, s = p[l], p[m], S[RATIO_ + l]
+        inertia1, drive1 = first[INERTIA] + _payload(t, first, on[l]), S[R_ + l]
+        inertia2, drive2 = second[INERTIA] + _payload(t, second, on[m]), S[R_ + m]
+        added = _payload(t, second, on[m]) / s
+        own, carried = second[INERTIA] / s + added, S[SHARED_ + l] + added
+        q1, d1, q2, d2 = S[QS_ + l], S[DQS_ + l], S[QS_ + m], S[DQS_ + m]
+        rotor, turning = 0.0, 0.0
+        if parted[l]:
+            share, al = _twisted(q1, d1, S[QLS_ + l], S[DQLS_ + l], first, on[l])
+            drive1 = inertia1 * share * al
+            S[R_ + l] -= drive1
+            S[DDQ_ + l] = S[R_ + l] / (inertia1 * (1.0 - share)) if S[FREE_ + l] > 0.0 else 0.0
+            drive1 -= S[ARM_ + l] + first[ARM_VISCOUS] * S[DQLS_ + l]
+            inertia1 *= share
+            q1, d1 = S[QLS_ + l], S[DQLS_ + l]
+        if parted[m]:
+            share, al = _twisted(q2, d2, S[QLS_ + m], S[DQLS_ + m], second, on[m])
+            drive2 = inertia2 * share * al
+            S[R_ + m] -= drive2
+            S[DDQ_ + m] = S[R_ + m] / (inertia2 * (1.0 - share)) if S[FREE_ + m] > 0.0 else 0.0
+            drive2 -= S[ARM_ + m] + second[ARM_VISCOUS] * S[DQLS_ + m]
+            inertia2 *= share
+            q2, d2 = S[QLS_ + m], S[DQLS_ + m]
+            own, rotor = inertia2 / s, own - inertia2 / s
+            turning = min(max(carried - own, 0.0), rotor)
+            carried = min(carried, own)
+            inertia1 += turning
+            if S[FREE_ + m] > 0.0:
+                inertia1 -= turning * turning / rotor
+                drive1 -= turning / rotor * S[R_ + m] / s
+        a1, a2, torque1, torque2 = _planar(
+            t, q1, d1, q2, d2, drive1, drive2, S[FREE_ + l] == 0.0 and not parted[l],
+            S[FREE_ + m] == 0.0 and not parted[m], inertia1, own, carried, first, second, S[COUPLING_ + l], s)
+        S[DDQL_ + l], S[DDQL_ + m] = a1, a2
+        if not parted[l]:
+            S[DDQ_ + l], S[R_ + l] = a1, torque1
+        if not parted[m]:
+            S[DDQ_ + m], S[R_ + m] = a2, torque2
+        elif S[FREE_ + m] == 0.0:
+            S[R_ + m] -= s * turning * a1
+        else:
+            S[DDQ_ + m] -= turning * a1 / rotor
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1549,6 +1595,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     motor = OTHER if warm else motor
     limited, rippled = limited and motor != OTHER, rippled and motor != OTHER  # the others see to it themselves
     S[CONSTANT_ : CONSTANT_ + LANES] = 1.0
+    S[FREE_ : FREE_ + LANES] = 1.0
     ends = OTHER
     if not _carries(any_on):
         if not split:
@@ -1559,8 +1606,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
             ends = PLAY_BETWEEN
     lo, hi = begins[0], begins[0] + lengths[0]
     u_other, cumulative_other = u[lo:hi, 0], cumulative[lo:hi, 0]
-    if rigid is not None:  # gravity of a pair is not that of its joints, and its transmissions are stiff
-        split, senses, weighs = False, _sensing(any_on), LIGHT if weighs else 0
+    if rigid is not None:  # gravity of a pair is not that of its joints
+        weighs = LIGHT if weighs else 0
         direct = direct and hold[1] == 0
         u_other, cumulative_other = u[lo:hi, 1], cumulative[lo:hi, 1]
         for l in range(HALF):
@@ -1584,8 +1631,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                 S[READING_ + l], S[COMMAND_ + l] = y[lo + k, 1], u_other[k]
         if senses:
             for l in range(n):
-                behind = rigid is None and _load_side(on[l])
-                S[ERROR_ + l] = S[READING_ + l] - _reading(S[QL_ + l] if behind else S[Q_ + l], p[l], on[l])
+                S[ERROR_ + l] = S[READING_ + l] - _reading(S[QL_ + l] if _load_side(on[l]) else S[Q_ + l], p[l], on[l])
         else:
             for l in range(LANES):
                 S[ERROR_ + l] = S[READING_ + l] - S[Q_ + l]
@@ -1616,7 +1662,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                 S[BESIDE_ + l] += caught * (S[FOLLOWING_ + l] * (1.0 - pull) * S[ERROR_ + l] - S[BESIDE_ + l])
             if rate_leak > 0.0:
                 for l in range(n):
-                    rate = DQL_ if rigid is None and _load_side(on[l]) else DQ_
+                    rate = DQL_ if _load_side(on[l]) else DQ_
                     if S[rate + l] != 0.0:
                         S[rate + l] += rate_leak * dt * S[ERROR_ + l]
         if with_extra:

@@ -187,8 +187,7 @@ def pairs(count: int, seed: int, effects: int) -> tuple[np.ndarray, ...]:
     one, two = candidates(count, seed, effects), candidates(count, seed + 100, effects)
     parameters, starts = (np.concatenate([one[i], two[i]], axis=2) for i in (0, 2))
     switches = np.concatenate([one[1], two[1]], axis=1)
-    stiff = [KERNEL.switches[e.name] for e in KERNEL.effects if e.label in ("backlash", "joint_flexibility")]
-    switches[..., stiff] = False
+    switches[..., [effect.parts_the_arm for effect in KERNEL.effects]] = False
     sign = np.where(np.arange(count) % 2, 1.0, 0.6)
     rigid = np.stack([0.02 * rng.uniform(-1.0, 1.0, count), sign, 0.9 * parameters[:, 0, 1, 0] / sign], axis=1)
     parameters[..., NOMINAL.index("stepping")] = 0.0
@@ -221,6 +220,38 @@ def test_planar_pairs_in_lanes_are_one_at_a_time_bit_by_bit(effects: int, seed: 
     lanes, alone = of_pairs(*pairs(3 * LANES + 3, seed, effects))
     assert np.array_equal(lanes, alone)
     assert np.max(np.abs(lanes)) > 0.1
+
+
+def transmissions(count: int, seed: int) -> np.ndarray:
+    """Which spring or play each joint of so many pairs has, as a column of the switches; -1 where it is stiff."""
+    known = [KERNEL.switches[effect.name] for effect in KERNEL.effects if effect.parts_the_arm]
+    return np.random.default_rng(seed).choice([-1, *known], (count, 2))
+
+
+@pytest.mark.parametrize(("effects", "friction", "seed"), [(0, False, 1), (1, False, 2), (1, True, 3), (0, True, 4)])
+def test_planar_pairs_with_springs_and_plays_are_one_at_a_time_bit_by_bit(
+    effects: int, friction: bool, seed: int
+) -> None:
+    count = 4 * LANES + 3
+    parameters, switches, starts, rigid = pairs(count, seed, effects)
+    rigid[::2, 2] *= 1.0 / 0.9  # rotors that turn with the first joint, too
+    dry = next(effect for effect in KERNEL.effects if effect.name == "coulomb_friction")
+    for c, columns in enumerate(transmissions(count, seed)):
+        for j, column in enumerate(columns):
+            if column < 0:
+                continue
+            effect = KERNEL.effects[column]
+            switches[c, j, column] = True
+            values = list(effect.starts(SIZES))
+            parameters[c, :, j, KERNEL.own(effect)] = values[(3 * c + j) % len(values)]
+        if friction:
+            switches[c, :, KERNEL.switches[dry.name]] = True
+            parameters[c, ..., KERNEL.own(dry)] = 1.5
+    lanes, alone = of_pairs(parameters, switches, starts, rigid)
+    assert np.array_equal(lanes, alone)
+    stiff = of_pairs(parameters, switches & ~np.array([e.parts_the_arm for e in KERNEL.effects]), starts, rigid)[0]
+    parted = np.any(transmissions(count, seed) >= 0, axis=1)
+    assert np.all(np.any(lanes[parted] != stiff[parted], axis=(1, 2)))
 
 
 def test_planar_pairs_that_stick() -> None:

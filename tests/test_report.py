@@ -12,7 +12,7 @@ import pytest
 
 from diagnosis.encoder_waves import Wave
 from diagnosis.figures import equation, report_style
-from diagnosis.ledger import simulated
+from diagnosis.ledger import closed, simulated
 from diagnosis.model_equations import model_equations
 from diagnosis.output import to_json
 from diagnosis.patchwork import Patchwork
@@ -427,7 +427,7 @@ def test_numbers_for_people() -> None:
     assert number(None) == number(float("nan")) == "–"
     assert percent(0.99999) == "> 99.9\u00a0%"
     assert percent(1.0) == "100\u00a0%"
-    assert percent(-672.4) == "\u2212670\u00a0×"
+    assert percent(-672.4) == "\u2212672\u00a0×"
     assert unbroken("from 41 to 3 mrad") == "from 41 to 3\u00a0mrad"
     assert unbroken("6.9 ± 0.1 N m is") == "6.9\u00a0±\u00a00.1\u00a0N\u00a0m is"
 
@@ -440,6 +440,18 @@ def test_a_simulation_that_runs_away_is_said_and_not_measured() -> None:
     assert simulated(away, away)[:2] == (None, None)
     words = gain(Gap(1, "rad", 0.04, 4e5, 0.001, None, None, "held-out"))
     assert words == "makes the simulation run away on the held-out logs"
+    words = gain(Gap(1, "rad", 5e5, 4e5, 0.001, None, None, "held-out"))
+    assert words == "leaves the simulation running away on the held-out logs"
+
+
+def test_a_nominal_model_that_runs_away_has_no_error_in_numbers() -> None:
+    away = Gap(1, "rad", 2.4e5, 0.413, 0.002, closed(0.413, 2.4e5, 0.002), None, "held-out")
+    assert gain(away) == "makes the held-out error 413 mrad where the nominal model runs away, noise floor 2.00 mrad"
+    assert away.closed is None
+    diagnosis = example("named")
+    page = Page(render(replace(diagnosis, gaps=(away,)))).text
+    assert "runs away" in page
+    assert "krad" not in page
 
 
 def test_names_are_listed_as_in_a_sentence() -> None:

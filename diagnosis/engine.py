@@ -35,7 +35,7 @@ from diagnosis.lags import told_apart
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
 from diagnosis.other_bases import also_from_regression, also_without_limits, either, settled_anew
 from diagnosis.patchwork import patchwork
-from diagnosis.problem import Problem, Work, in_band
+from diagnosis.problem import Problem, Work, coarser, in_band
 from diagnosis.pruning import (
     deviance,
     elsewhere,
@@ -138,7 +138,7 @@ def _find(
     is_cut = whole.is_cut or (search.is_spent and bool(found.accepted))
     if whole.accepted and does_better(narrow, held_out, whole, found, settings.threshold):
         return replace(whole, is_cut=is_cut)
-    band = 0.4 / (narrow.decimation * problem.sample_time)
+    band = 0.4 / (narrow.decimation * narrow.sample_time)
     return replace(found, verdict="unknown", remainders=whole.remainders, band=band, is_cut=is_cut)
 
 
@@ -164,7 +164,7 @@ def in_motion(
     """What the band in which the joint moved shows by itself, and the problem there; None where it is no narrower or
     too short. is_first: the whole band is still to be searched, so nothing is sought here where noise alone is left."""
     narrow = in_band(problem)
-    if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
+    if narrow.decimation * narrow.thinning == 1 or narrow.used.sum() // narrow.decimation < 60:
         return None
     tell("in the band of the motion")
     budget = settings.budget // 2 if is_first else settings.budget
@@ -221,7 +221,7 @@ def does_better(narrow: Problem, held_out: Problem | None, whole: Finding, bande
     better = cost(narrow, fitted, whole.accepted) < cost(narrow, banded.final, banded.accepted)
     if not better or held_out is None:
         return better
-    apart = replace(held_out, decimation=narrow.decimation)
+    apart = coarser(held_out, narrow.decimation * narrow.thinning)
     return deviance(apart, fitted) < deviance(apart, banded.final) - threshold
 
 
@@ -529,8 +529,9 @@ class Search:
     def taken(self) -> float:
         """Simulations so far over the budget; two joints that move together take twice as long for one, and long logs
         longer."""
-        simulations = self.problem.joints * self.problem.work.samples / len(self.problem.time)
-        return simulations / max(self.settings.budget, 1) * max(len(self.problem.time) / LENGTH, SHORTEST)
+        length = self.problem.thinning * len(self.problem.time)
+        simulations = self.problem.joints * self.problem.work.samples / length
+        return simulations / max(self.settings.budget, 1) * max(length / LENGTH, SHORTEST)
 
     @property
     def is_spent(self) -> bool:

@@ -22,7 +22,7 @@ from methods.effects.base import Effect
 from methods.kernel import BEGINNING
 
 SAMPLES = 15_000
-"""Samples of all segments together, as far as their length allows."""
+"""Samples of all segments together, as far as their length allows; of joints that move together, of all of them."""
 SECONDS = 4.0
 """Length of a segment: what the filters cannot use of it is a small part."""
 LARGEST = 0.5
@@ -85,7 +85,7 @@ def glance(problem: Problem, base: Fitted) -> Glance | None:
     if whole or any(f.kind == "log" for f in base.point.free):
         return None
     length = round(SECONDS / problem.sample_time)
-    count = max(SAMPLES // length, 2 * problem.logs)
+    count = max(SAMPLES // problem.joints // length, 2 * problem.logs // problem.joints)
     places = np.zeros(0, dtype=int)
     if count * length <= LARGEST * len(problem.time):
         places = _places(problem, length, count)

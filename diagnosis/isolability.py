@@ -73,6 +73,7 @@ def isolability(
     rows: list[Isolability] = []
     pairs: dict[frozenset[str], Confusable] = {}
     best = {r.effect.name: r for r in sorted(found, key=lambda r: r.energy / max(r.share, 1e-12) ** 2)}
+    degrees = dict(zip(best, angles(list(best.values())).tolist(), strict=True))
     for effect in effects:
         if effect.name in named:
             continue
@@ -82,10 +83,8 @@ def isolability(
             continue
         price = effect.size * np.log(count)
         size = float(np.sqrt((settings.threshold + price) / (response.energy * ratio)))
-        angles = {
-            other.effect.name: angle(response, other) for other in best.values() if other.effect.name != effect.name
-        }
-        nearest = min(angles, key=lambda name: angles[name], default=None)
+        apart = {name: own for name, own in zip(best, degrees[effect.name], strict=True) if name != effect.name}
+        nearest = min(apart, key=lambda name: apart[name], default=None)
         rows.append(
             Isolability(
                 effect=effect.name,
@@ -93,16 +92,16 @@ def isolability(
                 threshold=size * response.share * command,
                 share=size * response.share,
                 nearest=nearest,
-                separation=None if nearest is None else float(angles[nearest]),
+                separation=None if nearest is None else apart[nearest],
             )
         )
         typical = response.energy * ratio * (TYPICAL / max(response.share, 1e-12)) ** 2
-        for name, degrees in angles.items():
-            left = typical * np.sin(np.radians(degrees)) ** 2
+        for name, own in apart.items():
+            left = typical * np.sin(np.radians(own)) ** 2
             if left < settings.rival and typical > settings.threshold + price:
                 key = frozenset((effect.name, name))
-                if key not in pairs or degrees < pairs[key].separation:
-                    pairs[key] = Confusable(effect.name, name, joint, float(degrees))
+                if key not in pairs or own < pairs[key].separation:
+                    pairs[key] = Confusable(effect.name, name, joint, own)
     return tuple(rows), tuple(sorted(pairs.values(), key=lambda pair: pair.separation))
 
 
@@ -179,11 +178,21 @@ def outside(basis: Array, vectors: Array) -> Array:
     return result
 
 
-def angle(one: Response, other: Response) -> float:
-    """Angle [degrees] between one effect's response and the span of the other's."""
-    left = outside(other.columns, one.direction[None])[0]
-    share = float(np.linalg.norm(left)) / max(float(np.linalg.norm(one.direction)), 1e-300)
-    return float(np.degrees(np.arcsin(min(1.0, share))))
+def angles(found: Sequence[Response]) -> Array:
+    """Angle [degrees] between each effect's response and the span of each other's (M, M).
+
+    With the unit response d and unit vectors U that span the other's, its cosine squared is ``d U' (U U')^-1 U d'``.
+    """
+    if not found:
+        return np.zeros((0, 0))
+    directions = np.stack([r.direction / max(float(np.linalg.norm(r.direction)), 1e-300) for r in found])
+    inside = []
+    for r in found:
+        units = r.columns / np.maximum(np.linalg.norm(r.columns, axis=1, keepdims=True), 1e-300)
+        inner = units @ directions.T
+        inside.append(np.sum(inner * np.linalg.lstsq(units @ units.T, inner, rcond=1e-10)[0], axis=0))
+    left = np.maximum(np.sum(directions**2, axis=1)[:, None] - np.stack(inside, axis=1), 0.0)
+    return np.asarray(np.degrees(np.arcsin(np.minimum(np.sqrt(left), 1.0))))
 
 
 def _with_reference(point: Point, j: int, size: Scales) -> Point:

@@ -26,6 +26,9 @@ SEGMENT = 60_000  # samples of one segment of a long recording
 DIVERGED = 1e6  # prediction error [rad or m] that stands for a simulation that left all bounds
 LIMIT = 240_000  # samples that take part in a fit
 DITHER = 0.02  # rms of the noise that continuous readings are given, as a share of that of the motion between two
+STEP = 2e-3  # longest step of a simulation [s]
+ROOM = 4  # least number by which the samples of a simulation are decimated where their steps are several of the logs'
+UNEVEN = 0.01  # share of a step by which others may differ for that
 EVEN = 1e-3  # share of a step by which stamps may miss even instants and still be written in so many digits only
 INDEPENDENT = (
     0.5  # mean square change of the stamps' error over twice its mean square, 1 where one does not know the next
@@ -89,7 +92,8 @@ class Problem:
 
     leak [rad/s] pulls the predicted angle towards the measured one, rate_leak [1/s^2] the velocity; burn_in [s] is what
     is discarded at the beginning of every log while initial errors of the angle decay. decimation: the errors are
-    compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band). stamps: see `Stamps`.
+    compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band). thinning: samples of the logs
+    that one of these stands for (`coarser`). stamps: see `Stamps`.
     command_limits: largest command per joint, 0 where unknown. dither: see `dither_of`. motions: see
     `diagnosis.estimation.predicted_motion`.
     """
@@ -110,6 +114,7 @@ class Problem:
     revolute: bool
     names: tuple[str, ...] = ()
     decimation: int = 1
+    thinning: int = 1
     stamps: Stamps | None = None
     command_limits: tuple[float, ...] = ()
     starts: Array = field(default_factory=lambda: np.zeros((0, 0, len(BEGINNING))))
@@ -206,7 +211,7 @@ class Problem:
     ) -> Array:
         """Prediction errors (C, T, n) of C candidates: parameters (C, L, n, columns), switches (C, n, effects)."""
         out = np.empty((len(parameters), len(self.time), self.joints))
-        self.work.add(len(parameters) * len(self.time) * (substeps or self.substeps))
+        self.work.add(len(parameters) * len(self.time) * self.thinning * (substeps or self.substeps))
         self.kernel.batch(
             self.instants,
             self.command,
@@ -313,7 +318,38 @@ def in_band(problem: Problem) -> Problem:
     """
     nyquist = 0.5 / problem.sample_time
     wanted = max(5.0 * excitation_band(problem), 2.0)
-    return replace(problem, decimation=max(1, int(0.8 * nyquist / wanted)))
+    return coarser(problem, max(1, int(0.8 * nyquist / wanted)))
+
+
+def coarser(problem: Problem, decimation: int) -> Problem:
+    """The same logs, compared up to 0.4 / (decimation sample_time) only, and simulated in steps of several samples, as
+    far as these are short enough and the band leaves room.
+
+    Over such a step acts the mean of the command.
+    """
+    dt = problem.sample_time
+    even = all(np.ptp(np.diff(problem.time[a:b])) < UNEVEN * dt for a, b in pairwise(problem.bounds))
+    several = max(1, min(int(STEP / dt + 0.05), decimation // ROOM)) if even else 1
+    if several == 1:
+        return replace(problem, decimation=decimation)
+    rows = [np.arange(a, b, several) for a, b in pairwise(problem.bounds)]
+    every = np.concatenate(rows)
+    steps = [np.minimum(own[:, None] + np.arange(several), own[-1]) for own in rows]
+    levels = [np.diff(problem.cumulative[own], axis=0) / several for own in rows]
+    return replace(
+        problem,
+        time=problem.time[every],
+        command=np.concatenate([np.vstack([own, own[-1:]]) for own in levels]),
+        reading=problem.reading[every],
+        neighbour=problem.neighbour[np.concatenate(steps)].mean(axis=1)
+        if len(problem.neighbour)
+        else problem.neighbour,
+        bounds=np.cumsum([0, *map(len, rows)]),
+        hold=np.zeros_like(problem.hold),
+        substeps=1,
+        decimation=decimation // several,
+        thinning=several,
+    )
 
 
 def start_window(sample_time: float) -> float:
@@ -432,7 +468,7 @@ def stack(
         hold=np.array([0 if fact.hold == "zero_order" else 1 for fact in facts], dtype=np.int64),
         neighbour=np.concatenate(others) if others else np.zeros((0, len(joints), 3)),
         pair=pair,
-        substeps=max(1, int(np.ceil(dt / 2e-3 - 0.05))),
+        substeps=max(1, int(np.ceil(dt / STEP - 0.05))),
         leak=min(30.0, 0.1 / dt),
         rate_leak=0.0,
         burn_in=0.25 if burn_in is None else burn_in,

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.signal import welch
+from threadpoolctl import threadpool_limits
 
 from diagnosis.arm_torques import arm_torques
 from diagnosis.choice import LAG
@@ -44,7 +45,7 @@ from diagnosis.preparation import (
     pose,
     recordings,
 )
-from diagnosis.problem import LIMIT, Problem, in_band, segments, smooth_derivatives, stack
+from diagnosis.problem import LIMIT, Problem, coarser, in_band, segments, smooth_derivatives, stack
 from diagnosis.quantities import title
 from diagnosis.replay import input_equivalent, replay
 from diagnosis.report import render
@@ -168,6 +169,7 @@ def diagnose_files(
     return table(diagnosis)
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # as in `diagnosis.engine`
 def diagnose(
     read: Recordings,
     joint: int | None = None,
@@ -512,7 +514,7 @@ def solve(
     found = clock.perf_counter()
     if finding.band is not None:
         problem = in_band(problem)
-        held_out = replace(held_out, decimation=problem.decimation)
+        held_out = coarser(held_out, problem.decimation * problem.thinning)
     given = None
     if read.robot is not None and len(group) == 1:
         given = given_point(finding.nominal, 0, given_numbers(read.robot, group[0], first))

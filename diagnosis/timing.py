@@ -45,7 +45,8 @@ def timing_settled(problem: Problem, fitted: Fitted) -> Fitted:
     promised = promises(problem, exact)
 
     def tried(free: bool, euler: bool) -> Fitted | None:
-        worthwhile = promised[free, euler] > HOPE * cost * (free + euler)
+        possible = not euler or problem.thinning == 1  # the simulator's steps are the samples of its logs
+        worthwhile = possible and promised[free, euler] > HOPE * cost * (free + euler)
         return _timed(problem, fitted, free=free, euler=euler) if worthwhile else None
 
     first, *further = promised

@@ -42,6 +42,11 @@ class Hidden:
     column: int
     size: float
 
+    @property
+    def least(self) -> float:
+        """The least that it can be: no winding is colder than cold."""
+        return 0.0 if self.column == HEAT else -np.inf
+
 
 def twists(problem: Problem, point: Point) -> Iterator[Hidden]:
     """The twist of every joint's spring or play and its rate.
@@ -89,7 +94,7 @@ def beginnings_settled(problem: Problem, fitted: Fitted) -> Fitted:
     """
     point, names = fitted.point, {f.name for f in fitted.point.free}
     free = [
-        Free(name, "start", item.joint, item.column, item.size, log=log, deviation=item.size)
+        Free(name, "start", item.joint, item.column, item.size, lower=item.least, log=log, deviation=item.size)
         for item in unread(problem, point)
         for log in range(problem.logs)
         if (name := f"{BEGINNING[item.column]}@{item.joint}#{log}") not in names
@@ -126,7 +131,7 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
         basis = np.vstack([np.stack([other - plain for other in others], axis=1), np.diag(noise * size / deviation)])
         change = size * np.linalg.lstsq(basis, np.concatenate([plain, np.zeros(len(states))]), rcond=None)[0]
         for item, own in zip(states, change, strict=True):
-            starts[log, item.joint, item.column] -= own
+            starts[log, item.joint, item.column] = max(starts[log, item.joint, item.column] - own, item.least)
     moved = replace(point, starts=starts)
     both = np.stack([errors_[0], errors(problem, [moved])[0]])
     before, after = sum(np.sum(seen(problem, whiten, both, log) ** 2, axis=1) for log in range(problem.logs))

@@ -28,6 +28,8 @@ INEXACT = 2e-4
 """Least standard deviation of a parameter as a share of it: what integrators, rounded laws and clocks may differ by."""
 INSTANTS = ("time", "phase")
 """Parameters whose zero is arbitrary."""
+STEADY = "thermal_drift_steady"
+"""The form of a thermal drift that no current drives."""
 Values = Mapping[str, float]
 REFERENCE = NOMINAL.index("torque_square_mean")
 INERTIA, HEAT = "joint inertia", "mean square motor torque"
@@ -225,7 +227,8 @@ def effect_parameters(
         columns[parameter.name] = [i for i, n in enumerate(names) if n == plain or n.startswith(f"{plain}#")]
     own = canonical(effect)
     inertia = names.index(f"inertia@{j}")
-    beside = {HEAT: heat(problem, fitted.point, j)} if effect.label == "thermal_drift" else {}
+    driven = effect.label == "thermal_drift" and effect.name != STEADY
+    beside = {HEAT: heat(problem, fitted.point, j) if driven else 1.0}
 
     def values(x: Array) -> Array:
         """Canonical values; of what is free in every log the rms of all, of instants and phases that of the first."""

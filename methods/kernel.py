@@ -131,6 +131,7 @@ STRUCTURAL = {
     "input_delay": "DELAY",
     "thermal_drift": "THERMAL",
     "thermal_drift_copper": "COPPER",
+    "thermal_drift_steady": "STEADY",
     "torque_ripple_reciprocal": "RIPPLE",
     "joint_flexibility": "FLEX",
     "joint_flexibility_load_side": "FLEX_LOAD",
@@ -624,8 +625,11 @@ def _motor(q, dq, w, heat, u, p, on):
         change = 0.0
     if _warming(on):
         copper = COPPER >= 0 and on[COPPER]
-        first = COPPER_P if copper else THERMAL_P
+        steady = STEADY >= 0 and on[STEADY]
+        first = COPPER_P if copper else (STEADY_P if steady else THERMAL_P)
         power = p[first] * w * w / p[SQUARE]
+        if steady:
+            power = p[first]
         if copper:
             power *= (1.0 + p[first + 2] * heat) / (1.0 + p[first + 2] * p[first])
         heating = (power - heat) / p[first + 1]
@@ -682,7 +686,7 @@ def _playing(on):
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _warming(on):
     """Whether the winding's resistance rises with its heat."""
-    return (THERMAL >= 0 and on[THERMAL]) or (COPPER >= 0 and on[COPPER])
+    return (THERMAL >= 0 and on[THERMAL]) or (COPPER >= 0 and on[COPPER]) or (STEADY >= 0 and on[STEADY])
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')

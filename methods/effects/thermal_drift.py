@@ -1,7 +1,9 @@
 """Thermal drift of the winding: resistance rises with the heat of the current through one thermal time constant.
 
 ``rise' = (resistance_rise w^2 / mean(w^2) - rise) / time_constant`` with ``R = R0 (1 + rise)``. A log begins with a
-cold winding unless its readings tell otherwise (`diagnosis.beginning`).
+cold winding unless its readings tell otherwise (`diagnosis.beginning`). Where the heat is that of the whole machine as
+it warms up, of bearings, brakes or the room, it does not follow the current: ``rise' = (resistance_rise - rise) /
+time_constant``.
 
 Source: A. Hughes, B. Drury, Electric Motors and Drives, section 1 (thermal time constant).
 """
@@ -43,4 +45,14 @@ COPPER = replace(
     starts=lambda s: [(0.02, s.duration, 1.0)],
 )
 """Copper losses grow with the resistance that they heat, which shows where it rises by a third."""
-EFFECTS = (EFFECT, COPPER)
+STEADY = replace(
+    EFFECT,
+    name="thermal_drift_steady",
+    kind="thermal_drift",
+    equation=r"R = R_0(1+\vartheta),\ T\dot\vartheta = r - \vartheta",
+    excludes=("thermal_drift", "thermal_drift_copper"),
+)
+"""Heat that comes at a steady rate, whatever the current."""
+EFFECT = replace(EFFECT, excludes=(STEADY.name,))
+COPPER = replace(COPPER, excludes=(*COPPER.excludes, STEADY.name))
+EFFECTS = (EFFECT, COPPER, STEADY)

@@ -23,7 +23,7 @@ EVEN = 20.0
 """Least decrease of -2 log likelihood for which stamps are put aside."""
 TOLERANCE = 0.5
 """Share by which a stated time constant or inertia may be wrong (one standard deviation)."""
-LONGEST = 0.02
+LONGEST = 0.015
 """Time constant [s] beyond which a lag is none of a winding that nobody stated: those of servo motors have a
 millisecond, large ones ten."""
 HOPELESS = 2.0

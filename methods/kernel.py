@@ -317,6 +317,11 @@ def slot_of(effect: Effect) -> str:
     return "arm" if (effect.slot, effect.stage, effect.variable) == ("torque", "arm", "position") else effect.slot
 
 
+def any_of(columns: Sequence[int]) -> str:
+    """Source text that asks whether any of these switches is on."""
+    return " or ".join(f"on[{column}]" for column in columns) or "False"
+
+
 def lane_row(column: int) -> int:
     """Where a parameter of the lanes' candidates begins in their scratch."""
     return (len(LANE_ROWS) + column) * LANES
@@ -372,7 +377,9 @@ def _source(kernel: Kernel) -> str:
     for slot, lines in calls.items():
         columns = [c for c, effect in enumerate(kernel.effects) if slot_of(effect) == slot]
         template = template.replace(f"    #{slot}#", "\n".join(lines) or "    pass")
-        template = template.replace(f"#any_{slot}#", " or ".join(f"on[{c}]" for c in columns) or "False")
+        template = template.replace(f"#any_{slot}#", any_of(columns))
+    drawing = [c for c, e in enumerate(kernel.effects) if slot_of(e) == "command" and e.has_motor_torque]
+    template = template.replace("#any_drawing#", any_of(drawing))
     for slot, lines in loops.items():
         template = template.replace(f"#{slot}_lanes#", "\n        ".join(lines) or "pass")
     for symbol, array, count in (
@@ -588,6 +595,12 @@ def _present(on, has):
 def _weighing(on):
     """Whether any effect is a torque of the arm's position."""
     return #any_arm#
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _drawing(on):
+    """Whether any effect on the command depends on the current."""
+    return #any_drawing#
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -983,11 +996,18 @@ def _driven(k, i, substeps, dt, now, h, hold, u, cumulative, q, dq, w, lag, p, o
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _through(v, rise, now, h, q, dq, w, lag, p, on, commands, euler):
-    """A command of mean v that rises over a step of h, behind the amplifier's effects: as `_driven`."""
+    """A command of mean v that rises over a step of h, behind the amplifier's effects: as `_driven`.
+
+    Without a lag between them the current that a supply gives way to is the one that the command draws at once.
+    """
     if commands:
         base, half, high = v, 0.5 * rise, v
+        at_once = _drawing(on) and p[ELECTRICAL] <= 0.0 and not (LAG >= 0 and on[LAG])
         for end in range(3 if rise != 0.0 else 1):  # in the middle of the step, then at its ends
             given = base + (half if end == 1 else (-half if end == 2 else 0.0))
+            if at_once:
+                emf = p[BACK_EMF] * dq
+                w = _command(given, now, q, dq, given - emf, p, on) - emf
             through = _command(given, now, q, dq, w, p, on)
             if end == 0:
                 v = through

@@ -13,6 +13,7 @@ from diagnosis.engine import find
 from diagnosis.estimation import Point, errors, fit
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, fit_nominal, point_at
+from diagnosis.parameters import JointUnits, effect_parameters
 from diagnosis.problem import Problem, stack
 from diagnosis.turns import in_turns
 from envs.log import Array, JointFacts, Log
@@ -122,18 +123,21 @@ def test_only_springs_and_plays_have_a_twist() -> None:
     assert beginnings_settled(problem, nominal) is nominal
 
 
-def warmed(seed: int, heat: float) -> Log:
-    """A motor whose resistance begins higher than cold by the share `heat`; thirty Euler steps a sample."""
+def warmed(seed: int, heat: float, *, is_steady: bool = False) -> Log:
+    """A motor whose resistance begins higher than cold by the share `heat`; thirty Euler steps a sample. is_steady: it
+    warms up whatever the current, under a command that fades."""
     rng = np.random.default_rng(seed)
     time = DT * np.arange(10000)
     hertz = np.array([0.4, 1.1, 2.3, 4.1])
     command = np.sum(np.sin(2 * np.pi * np.outer(time, hertz) + rng.uniform(0, 6, 4)), axis=1)
+    if is_steady:
+        command *= np.linspace(1.5, 0.3, len(time))
     position, angle, speed, part = np.zeros(len(time)), 0.0, 0.0, DT / 30
     for k, u in enumerate(command):
         position[k] = angle
         for _ in range(30):
             current = (u - EMF * speed) / (1.0 + heat)
-            heat += part * (RISE * current**2 - heat) / SECONDS
+            heat += part * (RISE * (1.0 if is_steady else current**2) - heat) / SECONDS
             speed += part * (current - DRAG * speed) / (MOTOR + ARM)
             angle += part * speed
     facts = JointFacts(input="voltage", position_unit="rad", encoder_step=STEP)
@@ -153,6 +157,32 @@ def test_a_winding_that_begins_warm_is_found_warm() -> None:
     assert point.parameters[0, 0, KERNEL.column(NAMED["thermal_drift"], "time_constant")] == pytest.approx(SECONDS, 0.1)
     other = started(held_out, point, finding.final.whitener)
     assert other.starts[0, 0, HEAT] == pytest.approx(0.2, abs=0.02)
+
+
+def test_a_machine_that_warms_up_whatever_the_current_is_a_thermal_drift() -> None:
+    """With its rise and time constant, and from cold: a cold winding that is said to begin colder yet would look alike
+    in these logs and in no others."""
+    problem, held_out = stack(KERNEL, [warmed(1, 0.0, is_steady=True)], (1,)), stack(KERNEL, [warmed(2, 0.0)], (1,))
+    names = ("thermal_drift", "thermal_drift_steady", "payload_change", "coulomb_friction")
+    finding = find(problem, (JointStructure(),), [NAMED[name] for name in names], held_out=held_out)
+    assert finding.verdict == "named"
+    assert [(item.name, item.label) for item in finding.accepted] == [("thermal_drift_steady", "thermal_drift")]
+    units = JointUnits("voltage", "rad")
+    found = effect_parameters(problem, finding.final, finding.covariance, finding.accepted[0], units)
+    assert {p.name: p.physical.value for p in found} == pytest.approx(
+        {"resistance_rise": RISE, "time_constant": SECONDS}, rel=0.02
+    )
+    assert np.all(finding.final.point.starts[:, 0, HEAT] >= 0.0)
+
+
+def test_no_winding_begins_colder_than_cold() -> None:
+    problem = stack(KERNEL, [warmed(1, 0.1)], (1,))
+    point = fit_nominal(problem, (JointStructure(),)).point
+    drift = extend(problem, point, Hypothesis(NAMED["thermal_drift"], 0), np.array([[-0.3, SECONDS]]))
+    settled = beginnings_settled(problem, fit(problem, drift, rounds=2, iterations=2))
+    assert [f.lower for f in settled.point.free if f.column == HEAT and f.kind == "start"] in ([], [0.0])
+    assert np.all(settled.point.starts[:, 0, HEAT] >= 0.0)
+    assert np.all(started(problem, settled.point, settled.whitener).starts[:, 0, HEAT] >= 0.0)
 
 
 def test_only_windings_that_drift_have_a_heat() -> None:

@@ -51,6 +51,7 @@ from diagnosis.run import (
     diagnose,
     is_determined,
     joint_title,
+    louder_said,
     open_law_said,
     scale_said,
     solve,
@@ -79,8 +80,11 @@ def model_of(effects: dict[str, dict[str, float]], **others: object) -> Structur
     return StructuredModel((StructuredJoint(1, "voltage", NOMINAL, effects, **others),), DT)  # type: ignore[arg-type]
 
 
-def recorded(model: StructuredModel, seed: int, seconds: float = 8.0, amplitude: float = 1.5) -> Log:
-    """A log of the model under a multisine, encoder steps included."""
+def recorded(
+    model: StructuredModel, seed: int, seconds: float = 8.0, amplitude: float = 1.5, noise: float = 0.0
+) -> Log:
+    """A log of the model under a multisine, encoder steps included. noise: rms of what the amplifier adds to the
+    command unlogged, correlated over 20 ms."""
     time = DT * np.arange(round(seconds / DT))
     rng = np.random.default_rng(seed)
     joints = model.joints
@@ -90,7 +94,9 @@ def recorded(model: StructuredModel, seed: int, seconds: float = 8.0, amplitude:
             for _ in joints
         ]
     )
-    position = model.simulate(time, command, State.at_rest(np.zeros(len(joints)))).position
+    pole = np.exp(-DT / 0.02)
+    added = noise * np.sqrt(1.0 - pole**2) * lfilter([1.0], [1.0, -pole], rng.standard_normal(command.shape), axis=0)
+    position = model.simulate(time, command + added, State.at_rest(np.zeros(len(joints)))).position
     return Log(
         time=time,
         command=command,
@@ -811,6 +817,27 @@ def test_a_law_that_fails_on_held_out_logs_is_not_the_right_one() -> None:
     assert joint.fails_by.times == pytest.approx(gap.after / gap.noise_floor, rel=0.1)
     assert joint.fails_by.times > 2.0
     assert f"errs {joint.fails_by.times:.2g} times as much as noise accounts for" in failing.sentence
+
+
+def test_held_out_logs_may_be_louder_than_the_fitted_ones() -> None:
+    """Noise in proportion to the command is stronger where the command is larger, and no law is wrong for that."""
+    smooth, rough = model_of({}), model_of({"coulomb_friction": {"torque": 0.02}})
+    fitted = [recorded(smooth, seed, amplitude=0.5, noise=0.002) for seed in (1, 2)]
+
+    def solved_on(model: StructuredModel) -> Solved:
+        return solved_of(arrange(fitted, [recorded(model, 3, amplitude=2.5, noise=0.01)], None), "dead_zone")
+
+    louder, drier = solved_on(smooth), solved_on(rough)
+    assert louder.verdict == "none"
+    assert louder.louder[0].noise
+    assert louder.louder[0].times == pytest.approx(5.0, rel=0.3)
+    assert "noise that nobody logged is stronger there" in louder_said(louder, 0)
+    assert drier.verdict == "unknown"
+    assert not drier.louder
+    assert not louder_said(drier, 0)
+    # an inertia that is another one there is no noise either
+    other = replace(smooth, parts=(replace(smooth.parts[0], nominal=NOMINAL | {"inertia": 1.05 * NOMINAL["inertia"]}),))
+    assert solved_on(other).verdict == "unknown"
 
 
 def test_a_law_may_go_on_in_any_way_that_the_fitted_logs_leave_open() -> None:

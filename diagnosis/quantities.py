@@ -92,10 +92,10 @@ def unbroken(text: str) -> str:
 
 
 def percent(share: float | None, digits: int = 3) -> str:
-    """A share in per cent; shares short of all never round up to 100 %, and below -100 % it says how many times."""
+    """A share in per cent; shares short of all never round up to 100 %, and far below zero it says how many times."""
     if share is None or not math.isfinite(share):
         return "–"
-    if share < -1.0:
+    if share < -10.0:
         return f"\u2212{number(-share, 2)}\u00a0×"
     value = 100.0 * share
     text = number(value, digits)

@@ -427,6 +427,7 @@ def test_numbers_for_people() -> None:
     assert number(None) == number(float("nan")) == "–"
     assert percent(0.99999) == "> 99.9\u00a0%"
     assert percent(1.0) == "100\u00a0%"
+    assert percent(-3.03) == "\u2212303\u00a0%"
     assert percent(-672.4) == "\u2212672\u00a0×"
     assert unbroken("from 41 to 3 mrad") == "from 41 to 3\u00a0mrad"
     assert unbroken("6.9 ± 0.1 N m is") == "6.9\u00a0±\u00a00.1\u00a0N\u00a0m is"

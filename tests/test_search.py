@@ -1287,7 +1287,7 @@ def test_a_general_form_that_leaves_nothing_is_taken_before_all_others_are_tried
 
 def test_what_an_effect_told_of_the_damping_stays_where_that_was_all() -> None:
     """Beside dry friction and a winding that lags, viscous friction is not back-EMF."""
-    divided = {"inertia": 0.07, "viscous": 0.4, "back_emf": 0.4, "electrical_time_constant": 0.02}
+    divided = {"inertia": 0.07, "viscous": 0.4, "back_emf": 0.4, "electrical_time_constant": 0.012}
     problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.3}}, nominal=divided)], (1,))
     nominal = fit_nominal(problem, (JointStructure(),))
     friction = accepted(problem, nominal, "coulomb_friction", [0.3]).scored.fitted

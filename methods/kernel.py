@@ -640,9 +640,7 @@ def _motor(q, dq, w, heat, u, p, on):
         copper = COPPER >= 0 and on[COPPER]
         steady = STEADY >= 0 and on[STEADY]
         first = COPPER_P if copper else (STEADY_P if steady else THERMAL_P)
-        power = p[first] * w * w / p[SQUARE]
-        if steady:
-            power = p[first]
+        power = p[first] if steady else p[first] * w * w / p[SQUARE]
         if copper:
             power *= (1.0 + p[first + 2] * heat) / (1.0 + p[first + 2] * p[first])
         heating = (power - heat) / p[first + 1]
@@ -786,6 +784,57 @@ def _twisted(q, dq, ql, dql, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _parted(q, dq, ql, dql, rhs, arm, inertia, p, on, stuck):
+    """A joint with a spring or a play in a planar pair: its motor's acceleration and net torque, the torque on the arm
+    behind, and the inertia there."""
+    share, al = _twisted(q, dq, ql, dql, p, on)
+    between = inertia * share * al
+    rhs -= between
+    a = 0.0 if stuck else rhs / (inertia * (1.0 - share))
+    return a, rhs, between - (arm + p[ARM_VISCOUS] * dql), inertia * share
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _coupled(t, q1, d1, ql1, dl1, q2, d2, ql2, dl2, rhs1, rhs2, arm1, arm2, stuck1, stuck2, first, second, on1, on2,
+             p3, s, p2):
+    """Accelerations of the motors and of the arm's links of a planar pair, and the torques on what does not rest:
+    (q_1'', q_2'', q_l1'', q_l2'', torque 1, torque 2).
+
+    rhs: net torques on the motors; arm: torques against the arm behind a spring or a play. The rigid body is what lies
+    there: the torque between the sides drives it."""
+    loose1, loose2 = _flexible(on1) or _playing(on1), _flexible(on2) or _playing(on2)
+    inertia1, inertia2 = first[INERTIA] + _payload(t, first, on1), second[INERTIA] + _payload(t, second, on2)
+    added = _payload(t, second, on2) / s
+    own, carried = second[INERTIA] / s + added, p2 + added
+    drive1, drive2, a1, a2, rotor, turning = rhs1, rhs2, 0.0, 0.0, 0.0, 0.0
+    if loose1:
+        a1, rhs1, drive1, inertia1 = _parted(q1, d1, ql1, dl1, rhs1, arm1, inertia1, first, on1, stuck1)
+        q1, d1 = ql1, dl1
+    if loose2:
+        a2, rhs2, drive2, inertia2 = _parted(q2, d2, ql2, dl2, rhs2, arm2, inertia2, second, on2, stuck2)
+        q2, d2 = ql2, dl2
+        own, rotor = inertia2 / s, own - inertia2 / s
+        turning = min(max(carried - own, 0.0), rotor)  # of the rotor what turns with the first joint, too
+        carried = min(carried, own)
+        inertia1 += turning
+        if not stuck2:  # it follows by itself
+            inertia1 -= turning * turning / rotor
+            drive1 -= turning / rotor * rhs2 / s
+    al1, al2, torque1, torque2 = _planar(
+        t, q1, d1, q2, d2, drive1, drive2, stuck1 and not loose1, stuck2 and not loose2, inertia1, own, carried, first,
+        second, p3, s)
+    if not loose1:
+        a1, rhs1 = al1, torque1
+    if not loose2:
+        a2, rhs2 = al2, torque2
+    elif stuck2:
+        rhs2 -= s * turning * al1
+    else:
+        a2 -= turning * al1 / rotor
+    return a1, a2, al1, al2, rhs1, rhs2
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _joined(t, q, dq, ql, dql, rhs, arm, p, on):
     """Accelerations of motor side and load side, the net torque rhs on the former and `arm` against the latter, beside
     its viscous friction: (q'', q_l'', torque between the sides)."""
@@ -829,9 +878,8 @@ def _sides(start, p, on):
 def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
     """Time derivatives D of the states S (n, 8) at time t under the averaged amplifier command u (n,).
 
-    beside (n,): what the laws of the motor's position add to it. In a pair the rigid body is what lies behind springs
-    and plays: there the torque between the sides drives it."""
-    arm1, arm2, inertia1, inertia2 = 0.0, 0.0, 0.0, 0.0
+    beside (n,): what the laws of the motor's position add to it."""
+    arm1, arm2 = 0.0, 0.0
     for j in range(n):
         p = P[j]
         q, dq = S[j, Q], S[j, DQ]
@@ -846,18 +894,7 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
         D[j, Q] = dq
         D[j, QL] = S[j, DQL]
         if pair and j < 2:
-            drive, inertia = rhs[j], p[INERTIA] + _payload(t, p, on[j])
-            if split:
-                share, al = _twisted(q, dq, S[j, QL], S[j, DQL], p, on[j])
-                drive = inertia * share * al
-                rhs[j] -= drive
-                D[j, DQ] = rhs[j] / (inertia * (1.0 - share))
-                drive -= arm + p[ARM_VISCOUS] * S[j, DQL]
-                inertia *= share
-            if j == 0:
-                arm1, inertia1 = drive, inertia
-            else:
-                arm2, inertia2 = drive, inertia
+            arm1, arm2 = (arm, arm2) if j == 0 else (arm1, arm)
         else:
             D[j, DQ], D[j, DQL], F = _joined(t, q, dq, S[j, QL], S[j, DQL], rhs[j], arm, p, on[j])
             rhs[j] -= F
@@ -865,32 +902,9 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
             D[j, DQ] = 0.0
             D[j, Q] = 0.0
     if pair:
-        loose1, loose2 = _flexible(on[0]) or _playing(on[0]), _flexible(on[1]) or _playing(on[1])
-        s, added = rigid[1], _payload(t, P[1], on[1]) / rigid[1]
-        own, carried = P[1, INERTIA] / s + added, rigid[2] + added
-        rotor, turning = 0.0, 0.0
-        if loose2:
-            own, rotor = inertia2 / s, own - inertia2 / s
-            turning = min(max(carried - own, 0.0), rotor)  # of the rotor what turns with the first joint, too
-            carried = min(carried, own)
-            inertia1 += turning
-            if not stuck[1]:  # it follows by itself
-                inertia1 -= turning * turning / rotor
-                arm1 -= turning / rotor * rhs[1] / s
-        first, second = QL if loose1 else Q, QL if loose2 else Q
-        a1, a2, torque1, torque2 = _planar(
-            t, S[0, first], S[0, first + 1], S[1, second], S[1, second + 1],
-            arm1, arm2, stuck[0] and not loose1, stuck[1] and not loose2, inertia1, own, carried, P[0], P[1],
-            rigid[0], s)
-        D[0, DQL], D[1, DQL] = a1, a2
-        if not loose1:
-            D[0, DQ], rhs[0] = a1, torque1
-        if not loose2:
-            D[1, DQ], rhs[1] = a2, torque2
-        elif stuck[1]:
-            rhs[1] -= s * turning * a1
-        else:
-            D[1, DQ] -= turning * a1 / rotor
+        D[0, DQ], D[1, DQ], D[0, DQL], D[1, DQL], rhs[0], rhs[1] = _coupled(
+            t, S[0, Q], S[0, DQ], S[0, QL], S[0, DQL], S[1, Q], S[1, DQ], S[1, QL], S[1, DQL], rhs[0], rhs[1], arm1,
+            arm2, stuck[0], stuck[1], P[0], P[1], on[0], on[1], rigid[0], rigid[1], rigid[2])
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1362,7 +1376,7 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
         for l in range(LANES):
             S[R_ + l] -= S[SIGN_ + l] * S[LEVEL_ + l]
     if rigid is not None and split:
-        _parted_pairs(S, p, on, parted)
+        _parted_pairs(S, p, on)
     elif rigid is not None:
         _planar_lanes(S, p, on, any_on, has[3], hanging)
     elif ends == ONE_BODY:
@@ -1451,52 +1465,14 @@ def _planar_lanes(S, p, on, any_on, dry, hanging):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _parted_pairs(S, p, on, parted):
-    """As `_planar_lanes` where springs or plays are among the joints: the same equations as in `_rates`."""
+def _parted_pairs(S, p, on):
+    """As `_planar_lanes` where springs or plays are among the joints, one pair after the other (`_coupled`)."""
     for l in range(HALF):
-        m, t = l + HALF, S[T_ + l]
-        first, second, s = p[l], p[m], S[RATIO_ + l]
-        inertia1, drive1 = first[INERTIA] + _payload(t, first, on[l]), S[R_ + l]
-        inertia2, drive2 = second[INERTIA] + _payload(t, second, on[m]), S[R_ + m]
-        added = _payload(t, second, on[m]) / s
-        own, carried = second[INERTIA] / s + added, S[SHARED_ + l] + added
-        q1, d1, q2, d2 = S[QS_ + l], S[DQS_ + l], S[QS_ + m], S[DQS_ + m]
-        rotor, turning = 0.0, 0.0
-        if parted[l]:
-            share, al = _twisted(q1, d1, S[QLS_ + l], S[DQLS_ + l], first, on[l])
-            drive1 = inertia1 * share * al
-            S[R_ + l] -= drive1
-            S[DDQ_ + l] = S[R_ + l] / (inertia1 * (1.0 - share)) if S[FREE_ + l] > 0.0 else 0.0
-            drive1 -= S[ARM_ + l] + first[ARM_VISCOUS] * S[DQLS_ + l]
-            inertia1 *= share
-            q1, d1 = S[QLS_ + l], S[DQLS_ + l]
-        if parted[m]:
-            share, al = _twisted(q2, d2, S[QLS_ + m], S[DQLS_ + m], second, on[m])
-            drive2 = inertia2 * share * al
-            S[R_ + m] -= drive2
-            S[DDQ_ + m] = S[R_ + m] / (inertia2 * (1.0 - share)) if S[FREE_ + m] > 0.0 else 0.0
-            drive2 -= S[ARM_ + m] + second[ARM_VISCOUS] * S[DQLS_ + m]
-            inertia2 *= share
-            q2, d2 = S[QLS_ + m], S[DQLS_ + m]
-            own, rotor = inertia2 / s, own - inertia2 / s
-            turning = min(max(carried - own, 0.0), rotor)
-            carried = min(carried, own)
-            inertia1 += turning
-            if S[FREE_ + m] > 0.0:
-                inertia1 -= turning * turning / rotor
-                drive1 -= turning / rotor * S[R_ + m] / s
-        a1, a2, torque1, torque2 = _planar(
-            t, q1, d1, q2, d2, drive1, drive2, S[FREE_ + l] == 0.0 and not parted[l],
-            S[FREE_ + m] == 0.0 and not parted[m], inertia1, own, carried, first, second, S[COUPLING_ + l], s)
-        S[DDQL_ + l], S[DDQL_ + m] = a1, a2
-        if not parted[l]:
-            S[DDQ_ + l], S[R_ + l] = a1, torque1
-        if not parted[m]:
-            S[DDQ_ + m], S[R_ + m] = a2, torque2
-        elif S[FREE_ + m] == 0.0:
-            S[R_ + m] -= s * turning * a1
-        else:
-            S[DDQ_ + m] -= turning * a1 / rotor
+        m = l + HALF
+        S[DDQ_ + l], S[DDQ_ + m], S[DDQL_ + l], S[DDQL_ + m], S[R_ + l], S[R_ + m] = _coupled(
+            S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[QS_ + m], S[DQS_ + m], S[QLS_ + m],
+            S[DQLS_ + m], S[R_ + l], S[R_ + m], S[ARM_ + l], S[ARM_ + m], S[FREE_ + l] == 0.0, S[FREE_ + m] == 0.0,
+            p[l], p[m], on[l], on[m], S[COUPLING_ + l], S[RATIO_ + l], S[SHARED_ + l])
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')

@@ -164,7 +164,7 @@ def in_motion(
     """What the band in which the joint moved shows by itself, and the problem there; None where it is no narrower or
     too short. is_first: the whole band is still to be searched, so nothing is sought here where noise alone is left."""
     narrow = in_band(problem)
-    if narrow.decimation * narrow.thinning == 1 or narrow.used.sum() // narrow.decimation < 60:
+    if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
         return None
     tell("in the band of the motion")
     budget = settings.budget // 2 if is_first else settings.budget

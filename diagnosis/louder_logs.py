@@ -16,7 +16,7 @@ from scipy.stats import chi2
 from diagnosis.beginning import VELOCITY, started
 from diagnosis.estimation import Fitted, errors, finish
 from diagnosis.finding import Finding
-from diagnosis.problem import Free, Problem, start_deviation
+from diagnosis.problem import Problem, free_velocity
 from diagnosis.remainder import remainder
 from diagnosis.whitening import whitener
 
@@ -41,11 +41,8 @@ def on_its_own(held_out: Problem, final: Fitted) -> Fitted:
     free = [f for f in final.point.free if f.log < 0]
     for j in range(held_out.joints):
         for log, (a, b) in enumerate(pairwise(held_out.bounds)):
-            fastest = np.max(np.abs(held_out.velocity[a:b, j]))
-            centre, deviation = float(point.starts[log, j, VELOCITY]), float(start_deviation(held_out, fastest))
-            free.append(
-                Free(f"velocity@{j}#{log}", "start", j, VELOCITY, fastest, log=log, centre=centre, deviation=deviation)
-            )
+            fastest = float(np.max(np.abs(held_out.velocity[a:b, j])))
+            free.append(free_velocity(held_out, j, log, fastest, float(point.starts[log, j, VELOCITY])))
     point = replace(point, free=tuple(free))
     error = errors(held_out, [point])[0]
     return finish(held_out, point, error, whitener(held_out, error))

@@ -11,7 +11,7 @@ import numpy as np
 from diagnosis.arm_torques import UNCERTAIN
 from diagnosis.estimation import Fitted, Point, fit, predicted_motion
 from diagnosis.pair_start import PairStart, pair_start
-from diagnosis.problem import Free, Problem, Stamps, centred, evenly, smooth_derivatives, start_deviation
+from diagnosis.problem import Free, Problem, Stamps, centred, evenly, free_velocity, smooth_derivatives
 from diagnosis.timing import timing_settled
 from envs.log import Array, InputKind
 from methods.effects.base import Effect
@@ -161,10 +161,8 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
             parameters[:, j, column] = size
             free.append(Free(f"{NOMINAL[column]}@{j}", "joint", j, column, 1.0, centre=size, deviation=deviation))
         for log in range(problem.logs):
-            fastest = max(float(np.max(np.abs(motion[log][1][:, j]))), 1e-9)
-            deviation = float(start_deviation(problem, np.array(fastest)))
-            begin = float(problem.starts[log, j, 1])
-            free.append(Free(f"velocity@{j}#{log}", "start", j, 1, fastest, log=log, centre=begin, deviation=deviation))
+            fastest = float(np.max(np.abs(motion[log][1][:, j])))
+            free.append(free_velocity(problem, j, log, fastest, float(problem.starts[log, j, 1])))
     if problem.pair:
         _start_pair(parameters, rigid, free, pair, structures)
     switches = np.zeros((n, len(problem.kernel.effects)), dtype=bool)

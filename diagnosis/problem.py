@@ -365,6 +365,15 @@ def start_deviation(problem: Problem, fastest: Array) -> Array:
     return 5.0 * problem.encoder_step / start_window(problem.sample_time) + 0.05 * np.maximum(fastest, 1e-9)
 
 
+def free_velocity(problem: Problem, joint: int, log: int, fastest: float, centre: float) -> Free:
+    """The velocity at the beginning of a log as a free parameter, about the one that is read there, of a joint that is
+    as fast as this."""
+    fastest = max(fastest, 1e-9)
+    deviation = float(start_deviation(problem, np.array(fastest)))
+    column = BEGINNING.index("velocity")
+    return Free(f"velocity@{joint}#{log}", "start", joint, column, fastest, log=log, centre=centre, deviation=deviation)
+
+
 def smooth_derivatives(time: Array, reading: Array, seconds: float) -> tuple[Array, Array, Array]:
     """Smoothed angle, velocity and acceleration by local cubic fits over a window [s]; reading (T, n)."""
     dt = float(np.median(np.diff(time)))

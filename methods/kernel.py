@@ -1021,7 +1021,12 @@ def _through(v, rise, now, h, q, dq, w, lag, p, on, commands, euler):
             given = base + (half if end == 1 else (-half if end == 2 else 0.0))
             if at_once:
                 emf = p[BACK_EMF] * dq
-                w = _command(given, now, q, dq, given - emf, p, on) - emf
+                first = given - emf
+                second = _command(given, now, q, dq, first, p, on) - emf
+                third = _command(given, now, q, dq, second, p, on) - emf
+                gone = second - first  # where the two steps lead to, by Aitken's method
+                shrunk = (third - second) / gone if gone != 0.0 else 0.0
+                w = first + gone / (1.0 - min(shrunk, 0.9))
             through = _command(given, now, q, dq, w, p, on)
             if end == 0:
                 v = through

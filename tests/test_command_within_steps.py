@@ -75,3 +75,12 @@ def test_a_lag_is_exact_behind_jumps(hold: str, lag: float) -> None:
     problem, point = inertia_with(command, expected, hold, "amplifier_lag", lag)
     error = errors(problem, [point], leak=False)[0, :, 0]
     assert np.max(np.abs(error)) < 1e-4 * np.ptp(expected)  # the filter holds its output over a thousandth of a step
+
+
+def test_a_supply_gives_way_to_the_current_that_flows_behind_it() -> None:
+    """What the motor draws under the voltage that is left of it: i = u (1 - g |i|) is i = u / (1 + g |u|)."""
+    command, gain = np.repeat(np.random.default_rng(2).choice([-1.0, -0.3, 0.3, 1.0], 60), 5), 0.5
+    expected = exact(command / (1.0 + gain * np.abs(command)), False, 0.0)
+    problem, point = inertia_with(command, expected, "zero_order", "supply_sag", gain)
+    error = errors(problem, [point], leak=False)[0, :, 0]
+    assert np.max(np.abs(error)) < 1e-6 * np.ptp(expected)

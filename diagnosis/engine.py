@@ -488,7 +488,7 @@ class Search:
         before = base
         accepted, base = significant(problem, accepted, base, settings)
         if held_out is not None:
-            shown, base = general(problem, held_out, accepted, base, settings)
+            shown, base = general(problem, held_out, nominal, accepted, base, settings)
             if len(shown) < len(accepted):  # what was found beside the others may be nothing without them
                 accepted, base = prune(problem, shown, base, settings, sure=np.inf)
         lag = next((item for item in accepted if item.label == LAG), None)

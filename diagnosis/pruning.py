@@ -208,15 +208,28 @@ def significant(
 
 
 def general(
-    problem: Problem, held_out: Problem, accepted: list[Accepted], base: Fitted, settings: Settings
+    problem: Problem,
+    held_out: Problem,
+    nominal: Fitted,
+    accepted: list[Accepted],
+    base: Fitted,
+    settings: Settings,
 ) -> tuple[list[Accepted], Fitted]:
     """Without weak effects that make data that nobody fitted less likely, and weak events that do not happen there:
-    that one happens in one log only needs more evidence."""
+    that one happens in one log only needs more evidence.
+
+    A small one beside others counts as weak whatever its evidence: where small causes grow, or a law beside it is
+    inexact, any law that shapes the fitted motion a little finds some.
+    """
+    small = settings.doubtful * (nominal.criterion - base.criterion)
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
-        if item.scored.evidence > settings.weak:
+        is_weak = item.scored.evidence <= settings.weak
+        if not is_weak and len(accepted) < 2:
             continue
         smaller, there = without(problem, base, item), elsewhere(held_out, base)
-        is_there = happens(held_out, there.point, item.effect, item.joint)
+        if not is_weak and smaller.criterion - base.criterion > small:
+            continue
+        is_there = not is_weak or happens(held_out, there.point, item.effect, item.joint)
         if not is_there or deviance(held_out, smaller) < misfit(there):
             accepted, base = [other for other in accepted if other is not item], smaller
     return accepted, base

@@ -37,6 +37,8 @@ CHANCE = 0.2
 """Share of the best first fit's decrease below which a hypothesis is not carried on."""
 FORM = 0.9
 """Share of what the general form of a law is worth from which its textbook form is taken first."""
+OTHER_FORM = 0.5
+"""The same of a form that stands beside the leading one, neither of which contains the other."""
 RETRIED = 3
 """Laws that are fitted once more, to the errors as they are."""
 COLOURED = 5.0
@@ -312,7 +314,8 @@ def _converged(
     order = first(sorted(likeliest.values(), key=lambda s: s.price - hoped(s)), finals + 1, lambda s: law(s.start))
     leading = {law(s.start): s for s in reversed(order)}  # of the forms that the logs can show, if there are any
     leading |= {law(s.start): s for s in reversed(order) if is_resolved(problem, s)}
-    order = [s for s in order if hoped(s) - s.price >= FORM * (hoped(leading[law(s.start)]) - s.price)]
+    share = lambda s: OTHER_FORM if s.name in leading[law(s.start)].effect.excludes else FORM  # noqa: E731
+    order = [s for s in order if hoped(s) - s.price >= share(s) * (hoped(leading[law(s.start)]) - s.price)]
     order = [s for s in order if not is_idle(s, order)]
     least, close = (share * max((s.decrease for s in order), default=0.0) for share in (CHANCE, CLOSE))
     final = each(continued, [s for s in order if hoped(s) >= least])

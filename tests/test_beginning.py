@@ -10,14 +10,16 @@ from scipy.linalg import expm
 
 from diagnosis.beginning import HEAT, TWIST, TWIST_RATE, beginnings_settled, heats, started, twists
 from diagnosis.engine import find
-from diagnosis.estimation import Point, errors, fit
-from diagnosis.hypotheses import Hypothesis, extend
+from diagnosis.estimation import Point, errors, fit, sensitivities
+from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.nominal import JointStructure, fit_nominal, point_at
 from diagnosis.parameters import JointUnits, effect_parameters
 from diagnosis.problem import Problem, stack
+from diagnosis.search import Scored, _converged, score
 from diagnosis.turns import in_turns
 from envs.log import Array, JointFacts, Log
 from methods.effects import built_in
+from methods.effects.base import Effect
 from methods.kernel import build
 
 EFFECTS = built_in()
@@ -191,3 +193,22 @@ def test_only_windings_that_drift_have_a_heat() -> None:
     (heat,) = heats(problem, drift)
     assert (heat.joint, heat.column, heat.size) == (0, HEAT, RISE)
     assert list(heats(problem, model_of(problem))) == []
+
+
+def test_forms_of_a_law_that_exclude_each_other_are_all_fitted_until_they_converge() -> None:
+    """A first fit that stops short of its optimum does not decide between them."""
+    problem = stack(KERNEL, [warmed(1, 0.0), warmed(2, 0.0)], (1,))
+    base = fit_nominal(problem, (JointStructure(),))
+    power, steady = (NAMED[name] for name in ("thermal_drift", "thermal_drift_steady"))
+
+    def rough(effect: Effect, values: list[float], iterations: int) -> Scored:
+        start = Start(Hypothesis(effect, 0), np.tile(values, (2, 1)), 0.0)
+        point = extend(problem, base.point, start.hypothesis, start.values)
+        return score(problem, base, start, fit(problem, point, rounds=1, iterations=iterations))
+
+    first = [rough(power, [0.2, 60.0], 2), rough(steady, [0.3, 6.0], 12)]
+    assert 0.5 < first[0].evidence / first[1].evidence < 0.9
+    known = sensitivities(problem, base.point, base.error)
+    best = _converged(problem, base, first, {}, 3, known, None)[0]
+    assert best.name == "thermal_drift"
+    assert best.evidence > first[1].evidence + 12.0

@@ -1407,7 +1407,27 @@ def test_a_weak_event_has_to_show_where_nobody_fitted() -> None:
         item = Accepted(Scored(start, fitted, evidence + 10.0, 10.0), 0.1, ())
         held_out = stack(KERNEL, [record(payload if everywhere else {}, noise(3))], (1,))
         kept = everywhere or evidence > Settings().weak
-        assert general(problem, held_out, [item], fitted, Settings())[0] == ([item] if kept else [])
+        assert general(problem, held_out, nominal, [item], fitted, Settings())[0] == ([item] if kept else [])
+
+
+def test_a_small_effect_beside_a_large_one_has_to_show_where_nobody_fitted() -> None:
+    """However much evidence there is for it in the fitted logs."""
+
+    def effects(drag: float) -> dict[str, dict[str, float]]:
+        return {"coulomb_friction": {"torque": 0.3}, "quadratic_drag": {"coefficient": drag}}
+
+    noise = lambda seed: 1e-3 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    problem = stack(KERNEL, [record(effects(WEAK), noise(seed)) for seed in (1, 2)], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    large = accepted(problem, nominal, "coulomb_friction", [0.3])
+    small = accepted(problem, large.scored.fitted, "quadratic_drag", [WEAK])
+    assert small.scored.evidence > 2.0 * Settings().weak
+    for elsewhere, kept in ((WEAK, [large, small]), (-WEAK, [large])):
+        held_out = stack(KERNEL, [record(effects(elsewhere), noise(3))], (1,))
+        found = general(problem, held_out, nominal, [large, small], small.scored.fitted, Settings())[0]
+        assert found == kept
+    no_small = replace(Settings(), doubtful=0.0)
+    assert general(problem, held_out, nominal, [large, small], small.scored.fitted, no_small)[0] == [large, small]
 
 
 @pytest.mark.parametrize("name", ["periodic_disturbance", "cogging_torque"])

@@ -25,7 +25,9 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, Self, TypeVar, get_arg
 
 import numpy as np
 
+from envs.description_units import Units, drive_units, in_standard_unit, joint_units
 from envs.log import Array, InputKind, JointFacts
+from envs.units import UnitError
 
 if TYPE_CHECKING:
     import mujoco
@@ -362,12 +364,18 @@ def parse_robot(content: Mapping[str, Any], folder: Path) -> Robot:
     )
 
 
-def parse_record(kind: type[T], table: Mapping[str, Any], sources: Mapping[str, str], where: str) -> T:
-    """A dataclass from a table: numbers and tables become `Quantity`, everything else is passed on."""
+def parse_record(kind: type[T], table: Mapping[str, Any], sources: Mapping[str, str], where: str, units: Units) -> T:
+    """A dataclass from a table: numbers and tables become `Quantity` in SI, everything else is passed on.
+
+    units: which ones each entry may be given in (see `envs.description_units`).
+    """
     known = {item.name for item in fields(kind)}  # type: ignore[arg-type]
     if extra := sorted(set(table) - known):
         raise RobotError(f"{where} has the unknown entry {extra[0]}", remedy=f"Known are {', '.join(sorted(known))}")
-    values = {name: _parse_value(value, sources, f"{where}.{name}", name) for name, value in table.items()}
+    values = {
+        name: _parse_value(value, sources, f"{where}.{name}", name, units.get(name, ()))
+        for name, value in table.items()
+    }
     try:
         return kind(**values)
     except RobotError as error:
@@ -387,24 +395,41 @@ _PLAIN: dict[str, type] = {
 """Entries that are no quantities, and their types."""
 
 
-def _parse_value(value: Any, sources: Mapping[str, str], where: str, name: str) -> Any:
+def _parse_value(value: Any, sources: Mapping[str, str], where: str, name: str, units: tuple[str, ...]) -> Any:
     if name in _PLAIN:
         if not isinstance(value, _PLAIN[name]):
             raise RobotError(f"{where} is {value!r}", remedy=f"Give a {_PLAIN[name].__name__}")
         return value
     table = value if isinstance(value, Mapping) else {"value": value}
     number = table.get("value")
-    if set(table) - {"value", "unit", "source", "uncertainty"} or not isinstance(number, int | float):
+    if set(table) - {"value", "unit", "source", "uncertainty"} or not _is_number(number):
         raise RobotError(f"{where} is {value!r}", remedy="Give a number, or value, unit, source and uncertainty")
     source = table.get("source", "not stated")
-    uncertainty = float(table.get("uncertainty", 0.0))
-    return Quantity(float(number), table.get("unit", ""), sources.get(source, source), uncertainty)
+    uncertainty = table.get("uncertainty", 0.0)
+    if not _is_number(uncertainty) or not 0.0 <= uncertainty < math.inf:
+        raise RobotError(
+            f"{where} has the uncertainty {uncertainty!r}", remedy="Give a share of the value, such as 0.1 for 10 %"
+        )
+    unit = table.get("unit", "")
+    if not isinstance(unit, str):
+        raise RobotError(f"{where} has the unit {unit!r}", remedy='Write it as a text, such as unit = "N m/A"')
+    try:
+        standard, unit = in_standard_unit(float(number), unit, units)
+    except UnitError as error:
+        choices = " or ".join(units)
+        raise RobotError(f"{where}: {error}", remedy=f"Give it in {choices}, or in a unit that becomes one") from None
+    return Quantity(standard, unit, sources.get(source, source), float(uncertainty))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _parse_joint(table: Mapping[str, Any], number: int, shared: Mapping[str, Any], sources: Mapping[str, str]) -> Joint:
-    where = f"joint {number}"
-    drive = parse_record(Drive, {**shared, **table.get("drive", {})}, sources, f"{where}.drive")
-    return parse_record(Joint, {**table, "drive": drive}, sources, where)
+    where, kind = f"joint {number}", table.get("kind")
+    drive_table = {**shared, **table.get("drive", {})}
+    drive = parse_record(Drive, drive_table, sources, f"{where}.drive", drive_units(drive_table, kind))
+    return parse_record(Joint, {**table, "drive": drive}, sources, where, joint_units(kind))
 
 
 def _joints_of_file(table: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:

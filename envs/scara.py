@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from envs.description_units import LINK_UNITS
 from envs.log import Array
 from envs.robot import Quantity, RobotError, parse_record, sample_fields
 
@@ -172,7 +173,9 @@ def parse_scara(table: Mapping[str, Any], sources: Mapping[str, str]) -> ScaraBo
     kinds = {"link_1": Link, "link_2": Link, "quill": Quill}
     if set(table) != set(kinds):
         raise RobotError(f"a SCARA body has the parts {sorted(table)}", remedy=f"Give {', '.join(kinds)}")
-    return ScaraBody(**{name: parse_record(kind, table[name], sources, f"body.{name}") for name, kind in kinds.items()})
+    return ScaraBody(
+        **{name: parse_record(kind, table[name], sources, f"body.{name}", LINK_UNITS) for name, kind in kinds.items()}
+    )
 
 
 def _about_axis(link: Link) -> float:

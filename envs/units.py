@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from envs.log import Array
 
@@ -46,14 +46,19 @@ newton = kilogram * meter / second ** 2 = N
 kilogram_force = 9.80665 * newton = kgf
 pound_force = 4.4482216152605 * newton = lbf
 volt = newton * meter / ampere / second = V
-ohm = volt / ampere
+newton_meter = newton * meter = Nm
+ohm = volt / ampere = _ = Ohm
+henry = volt * second / ampere = H
 watt = volt * ampere = W
 percent = 0.01 = %
 share = 1
 count = [count]
 """
 
-EXPRESSION = re.compile(r"(?!.*\*\*)[A-Za-zµ%_0-9.+\-*/() ]+")
+EXPRESSION = re.compile(r"(?!.*\*\*)(?!.*\^(?!-?[1-4](?![\w.^])))[A-Za-zµ%_0-9.+\-*/()^ ]+")
+"""What a unit may be written with; powers are those of units."""
+SIGNS = str.maketrans({"°": "deg", "·": " ", "²": "^2", "Ω": "ohm", "\u2126": "ohm", "μ": "µ"})
+"""Signs of data sheets, and how the vocabulary writes them."""
 
 
 class UnitError(ValueError):
@@ -70,17 +75,23 @@ def registry() -> UnitRegistry[Any]:
     return units
 
 
-def convert(values: NDArray[Any], unit: str, target: str) -> Array:
+def plain(unit: str) -> str:
+    """A unit without the signs of data sheets: ``deg`` for ``°``, ``kg m^2`` for ``kg·m²``."""
+    return unit.strip().translate(SIGNS)
+
+
+def convert(values: ArrayLike, unit: str, target: str) -> Array:
     """Values in `unit` (an expression such as ``deg``, ``turn / 8192`` or ``percent * V``) as float64 in `target`.
 
     Raises UnitError when the expression is not understood or has another dimension than the target.
     """
     import pint
 
-    if not EXPRESSION.fullmatch(unit):
+    written = plain(unit)
+    if not EXPRESSION.fullmatch(written):
         raise UnitError(f"unit {unit!r} is not understood")
     try:
-        parsed = registry().parse_expression(unit)
+        parsed = registry().parse_expression(written)
         quantity = parsed if isinstance(parsed, pint.Quantity) else registry().Quantity(parsed)
         factor = float(quantity.magnitude)
         scaled = registry().Quantity(np.asarray(values, dtype=np.float64) * factor, quantity.units)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from envs.pinocchio_model import inverse_dynamics, pinocchio_model
-from envs.robot import RobotError
+from envs.robot import Robot, RobotError
 from envs.robots import find_robot
+from envs.scara import parse_scara
 
 URDF = """<robot name="arm">
   <link name="base"/>
@@ -167,3 +168,130 @@ def test_the_documented_description_works_as_written(tmp_path: Path) -> None:
     assert robot.input_equivalent(1) == pytest.approx(1.2 / 2.5)
     assert robot.joint(1).drive.resistance.uncertainty == 0.1
     assert robot.joint(2).upper.value == np.inf
+
+
+def drive_of(folder: Path, entries: str, kind: str = "revolute", amplifier: str = "voltage") -> Robot:
+    """A robot whose one drive has these lines; what is above `[joint.drive]` belongs to the joint."""
+    joint, _, drive = entries.rpartition("|")
+    text = DRIVES.format(file="arm.xml", amplifier=amplifier).replace('"revolute"', f'"{kind}"')
+    for line in (*joint.splitlines(), *drive.splitlines()):
+        name = line.partition("=")[0].strip()
+        text = "\n".join(old for old in text.splitlines() if not old.startswith(f"{name} "))
+    text = text.replace("[joint.drive]", f"{joint}\n[joint.drive]\n{drive}")
+    (folder / "arm.xml").write_text(MJCF if kind == "revolute" else MJCF.replace("hinge", "slide"))
+    (folder / "arm.toml").write_text(text + "\n")
+    return find_robot(str(folder / "arm.toml"))
+
+
+def stated(name: str, value: float, unit: str) -> str:
+    return f'{name} = {{ value = {value}, unit = "{unit}" }}'
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "unit", "standard"),
+    [
+        ("motor_constant", 52, "mN m/A", 0.052),
+        ("motor_constant", 52, "mNm/A", 0.052),
+        ("motor_constant", 0.4, "V s/rad", 0.4),
+        ("motor_constant", 5, "mV/rpm", 0.15 / np.pi),
+        ("resistance", 900, "mohm", 0.9),
+        ("resistance", 900, "mΩ", 0.9),
+        ("inductance", 0.8, "mH", 0.8e-3),
+        ("rotor_inertia", 120, "g cm^2", 1.2e-5),
+        ("rotor_inertia", 120, "g·cm²", 1.2e-5),
+        ("gear_ratio", 5, "", 5.0),
+        ("gear_ratio", 5, "turn/turn", 5.0),
+        ("viscous", 2, "N m/rpm", 60 / np.pi),
+        ("viscous", 2, "mN m s", 0.002),
+        ("current_limit", 700, "mA", 0.7),
+        ("command_limit", 24000, "mV", 24.0),
+        ("amplifier_gain", 2, "V/V", 2.0),
+        ("amplifier_gain", 2000, "mV/V", 2.0),
+    ],
+)
+def test_units_of_a_drive_are_converted(name: str, value: float, unit: str, standard: float, tmp_path: Path) -> None:
+    drive = drive_of(tmp_path, stated(name, value, unit)).drives[0]
+    assert getattr(drive, name).value == pytest.approx(standard, rel=1e-12)
+
+
+def test_units_of_a_joint_are_converted(tmp_path: Path) -> None:
+    lines = [
+        ("lower", -90, "deg"),
+        ("upper", 0.5, "turn"),
+        ("encoder_step", 1, "turn / 8192"),
+        ("speed_limit", 6, "rpm"),
+    ]
+    joint = drive_of(tmp_path, "\n".join(stated(*line) for line in lines) + "|").joint(1)
+    assert joint.encoder_step is not None
+    assert joint.speed_limit is not None
+    found = [item.value for item in (joint.lower, joint.upper, joint.encoder_step, joint.speed_limit)]
+    assert found == pytest.approx([-np.pi / 2, np.pi, 2 * np.pi / 8192, 0.2 * np.pi], rel=1e-12)
+
+
+def test_a_joint_that_slides_has_lengths_and_forces(tmp_path: Path) -> None:
+    entries = "\n".join(
+        [
+            *(stated("lower", -5, "mm"), stated("encoder_step", 2, "um"), "|"),
+            *(stated("gear_ratio", 50, "turn/m"), stated("viscous", 0.2, "N s/mm"), stated("motor_constant", 2, "N/A")),
+        ]
+    )
+    joint = drive_of(tmp_path, entries, "prismatic").joint(1)
+    assert joint.lower.value == pytest.approx(-0.005)
+    assert joint.encoder_step is not None
+    assert joint.encoder_step.value == pytest.approx(2e-6)
+    assert joint.drive.gear_ratio.value == pytest.approx(100 * np.pi)
+    assert joint.drive.viscous.value == pytest.approx(200.0)
+    assert joint.drive.motor_constant.value == 2.0
+    force = drive_of(tmp_path, stated("command_limit", 0.2, "kN"), "prismatic", "torque").drives[0]
+    assert force.command_limit.value == pytest.approx(200.0)
+
+
+@pytest.mark.parametrize("amplifier", ["voltage", "current", "torque"])
+def test_the_gain_of_an_amplifier_is_output_per_command(amplifier: str, tmp_path: Path) -> None:
+    unit = {"voltage": "V", "current": "mA", "torque": "mN m"}[amplifier]
+    entries = f'{stated("amplifier_gain", 1500, unit + "/V")}\ncommand = "voltage"'
+    assert drive_of(tmp_path, entries, amplifier=amplifier).drives[0].amplifier_gain.value == pytest.approx(
+        1500 if amplifier == "voltage" else 1.5
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "kind", "complaint"),
+    [
+        (
+            stated("motor_constant", 0.35, "mN"),
+            "revolute",
+            "'mN' cannot be converted to N m/A. Give it in N m/A or V s",
+        ),
+        (stated("motor_constant", 300, "rpm/V"), "revolute", "drive.motor_constant: unit 'rpm/V'"),
+        (stated("resistance", 1, "banana"), "revolute", "'banana' is unknown. Give it in ohm"),
+        (stated("resistance", 1, "percent"), "revolute", "cannot be converted to ohm"),
+        (stated("viscous", 1, "N s/m"), "revolute", "cannot be converted to N m s/rad"),
+        (stated("viscous", 1, "N m s/rad"), "prismatic", "cannot be converted to N s/m"),
+        (stated("upper", 90, "deg") + "|", "prismatic", "joint 1.upper: unit 'deg' cannot be converted to m"),
+        (stated("upper", 90, "mm") + "|", "revolute", "cannot be converted to rad"),
+        (stated("encoder_step", 1, "count") + "|", "revolute", "write turn / COUNTS_PER_TURN"),
+        (stated("amplifier_gain", 1, "A/V"), "revolute", "cannot be converted to V/V"),
+        (stated("rotor_inertia", 1, "kg m^9^9"), "revolute", "is not understood"),
+        ("resistance = { value = 1, unit = 3 }", "revolute", "has the unit 3"),
+        ('resistance = { value = 1, uncertainty = "10%" }', "revolute", "drive.resistance has the uncertainty '10%'"),
+        ("resistance = { value = 1, uncertainty = true }", "revolute", "has the uncertainty True"),
+        ("resistance = { value = 1, uncertainty = -0.1 }", "revolute", "has the uncertainty -0.1"),
+        ("resistance = true", "revolute", "drive.resistance is True"),
+    ],
+)
+def test_units_and_uncertainties_that_make_no_sense(line: str, kind: str, complaint: str, tmp_path: Path) -> None:
+    with pytest.raises(RobotError) as caught:
+        drive_of(tmp_path, line, kind)
+    assert complaint in str(caught.value)
+    assert "arm.toml: joint 1" in str(caught.value)
+
+
+def test_the_units_of_a_scara_are_converted() -> None:
+    part = {"value": 300, "unit": "g"}
+    inertia = {"value": 20, "unit": "kg cm^2"}
+    link = {"length": {"value": 42, "unit": "cm"}, "mass": part, "centre_of_mass": 0.1, "inertia": inertia}
+    table = {name: {**link, "rotor_inertia": 0.0} for name in ("link_1", "link_2")}
+    body = parse_scara({**table, "quill": {"mass": part, "inertia": inertia}}, {})
+    assert (body.link_1.length.value, body.quill.mass.value) == pytest.approx((0.42, 0.3))
+    assert body.link_2.inertia.value == body.quill.inertia.value == pytest.approx(2e-3)

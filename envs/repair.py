@@ -11,19 +11,27 @@ from envs.log import Array, Log, LogError
 from envs.log_statistics import MAD_TO_STD, Rows, spikes, timing
 from envs.validation import Finding, columns_of
 
+#: Share of the repeated stamps that whole rows have to repeat for those to be copies. Where stamps are merely rounded,
+#: different samples share one.
+COPIED = 0.9
+#: Distance from a measured sample, in intervals, from which on a sample counts as interpolated.
+APART = 0.02
+
 
 def repair(log: Log) -> tuple[Log, tuple[Finding, ...]]:
     """The log with broken rows left out, time in order, angles unwrapped, spikes replaced and a regular clock.
 
     What is done, in this order, and only where needed:
     1. rows with missing or infinite values are left out;
-    2. noisy stamps of a regular clock are replaced by the clock, otherwise rows are sorted and double ones left out;
-    3. angles that jump by full turns are unwrapped;
-    4. single-sample spikes of the position are replaced by the mean of their neighbours;
-    5. an irregular recording is interpolated to a regular clock (see `resample`).
+    2. rows that stand twice, stamp and values, are left out;
+    3. noisy stamps of a regular clock are replaced by the clock, otherwise rows are sorted and repeated stamps left out;
+    4. angles that jump by full turns are unwrapped;
+    5. single-sample spikes of the position are replaced by the mean of their neighbours;
+    6. an irregular recording is interpolated to a regular clock (see `resample`).
     """
     done: list[Finding] = []
-    for step in (without_broken_rows, with_ordered_time, unwrapped, without_spikes, with_regular_clock):
+    steps = (without_broken_rows, without_copies, with_ordered_time, unwrapped, without_spikes, with_regular_clock)
+    for step in steps:
         log, found = step(log)
         done += found
     return log, tuple(done)
@@ -52,6 +60,18 @@ def without_broken_rows(log: Log) -> tuple[Log, list[Finding]]:
     return rows_of(log, np.flatnonzero(good)), [
         Finding("repaired_rows", f"{lost} rows with missing values left out, the first was row {np.argmin(good) + 1}")
     ]
+
+
+def without_copies(log: Log) -> tuple[Log, list[Finding]]:
+    """Leaves out rows that repeat another one in its stamp and in all its values."""
+    repeated = len(log) - len(np.unique(log.time))
+    if not repeated:
+        return log, []
+    _, first = np.unique(np.column_stack(list(columns_of(log).values())), axis=0, return_index=True)
+    copies = len(log) - len(first)
+    if copies < COPIED * repeated:
+        return log, []
+    return rows_of(log, np.sort(first)), [Finding("repaired_copies", f"{copies} double rows left out")]
 
 
 def with_ordered_time(log: Log) -> tuple[Log, list[Finding]]:
@@ -105,8 +125,15 @@ def with_regular_clock(log: Log) -> tuple[Log, list[Finding]]:
     intervals = np.diff(log.time)
     if MAD_TO_STD * float(np.median(np.abs(intervals - interval))) > 0.1 * interval:
         interval = float(np.mean(intervals))
-    said = f"interpolated to a regular clock of {1e3 * interval:.6g} ms"
-    return resample(log, interval), [Finding("resampled", said)]
+    regular = resample(log, interval)
+    after = np.clip(np.searchsorted(log.time, regular.time), 1, len(log) - 1)
+    distance = np.minimum(np.abs(regular.time - log.time[after - 1]), np.abs(regular.time - log.time[after]))
+    between = int(np.sum(distance > APART * interval))
+    said = (
+        f"interpolated to a regular clock of {1e3 * interval:.6g} ms: {between} of {len(regular)} samples are "
+        "interpolated, not measured"
+    )
+    return regular, [Finding("resampled", said)]
 
 
 def resample(log: Log, sample_time: float) -> Log:

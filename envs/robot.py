@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, Self, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Self, TypeGuard, TypeVar, get_args
 
 import numpy as np
 
@@ -421,7 +421,7 @@ def _parse_value(value: Any, sources: Mapping[str, str], where: str, name: str, 
     return Quantity(standard, unit, sources.get(source, source), float(uncertainty))
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[int | float]:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

@@ -361,6 +361,32 @@ class TestRepair:
         assert [finding.kind for finding in done] == ["repaired_wrap"]
         np.testing.assert_allclose(mended.position[:, 0], angle, atol=1e-12)
 
+    @pytest.mark.parametrize("order", ["beside", "behind"])
+    def test_a_log_in_which_every_row_stands_twice(self, order: str) -> None:
+        columns = swing()
+        log = log_of(columns)
+        twice = np.repeat if order == "beside" else np.tile
+        mended, done = repair(log_of({name: twice(values, 2) for name, values in columns.items()}))
+        assert [finding.text for finding in done] == ["400 double rows left out"]
+        assert mended.content_hash == log.content_hash
+
+    def test_samples_that_share_a_rounded_stamp_stay(self) -> None:
+        columns = swing()
+        truth = columns["t"].copy()
+        columns["t"] = np.round(columns["t"] / (5.0 * truth[1])) * 5.0 * truth[1]
+        columns["q1"][:20] = columns["v1"][:20] = columns["dq1"][:20] = 0.0
+        mended, done = repair(log_of(columns))
+        assert [finding.kind for finding in done] == ["repaired_clock"]
+        np.testing.assert_allclose(mended.time, truth, atol=truth[1])
+
+    def test_samples_between_measured_ones_are_counted(self) -> None:
+        columns = swing()
+        kept = np.r_[0:200, 200:400:2]
+        mended, done = repair(log_of({name: values[kept] for name, values in columns.items()}))
+        assert [finding.kind for finding in done] == ["resampled"]
+        assert "99 of 399 samples are interpolated, not measured" in done[0].text
+        assert len(mended) == 399
+
     def test_held_commands_are_not_interpolated(self) -> None:
         t = np.array([0.0, 1.0, 2.0, 4.0])
         log = Log(t, np.array([[0.0], [1.0], [0.0], [1.0]]), t[:, None])

@@ -10,7 +10,7 @@ import numpy as np
 
 from diagnosis.nominal import Gravity, JointStructure
 from diagnosis.planar_arm import is_planar_arm, planar_pair
-from envs.compatibility import check_together, with_robot
+from envs.compatibility import check_apart, check_together, with_robot
 from envs.log import Array, Log, LogError
 from envs.log_files import load_with_findings
 from envs.robot import Robot, RobotError
@@ -72,14 +72,9 @@ def arrange(logs: Sequence[Log], holdout: Sequence[Log], robot: str | None, said
             for i, log in enumerate(group):
                 group[i], found = with_robot(log, described)
                 findings += [f"{log.name}: {finding.text}" for finding in found]
+    check_apart(*complete)
     findings += [finding.text for finding in check_together([*complete[0], *complete[1]])]
     if complete[1]:
-        hashes = {log.content_hash: log.name for log in complete[0]}
-        for log in complete[1]:
-            if log.content_hash in hashes:
-                raise DiagnosisError(
-                    f"the held-out log {log.name} is also fitted ({hashes[log.content_hash]}). Give another one"
-                )
         return Recordings(tuple(complete[0]), tuple(complete[1]), "held-out", described, tuple(findings))
     if any(len(log) < SHORTEST for log in complete[0]):
         raise DiagnosisError(

@@ -145,6 +145,31 @@ def check_signs(log: Log) -> None:
         )
 
 
+def check_apart(fitted: Sequence[Log], held_out: Sequence[Log]) -> None:
+    """Refuses a recording that is given twice, whatever its files are called: it would count double, or judge itself.
+
+    Raises LogError.
+    """
+    seen: dict[str, tuple[str, str]] = {}
+    for role, group in (("fitted", fitted), ("held-out", held_out)):
+        for log in group:
+            before, name = seen.setdefault(log.content_hash, ("", log.name))
+            if before == "fitted" != role:
+                raise LogError(
+                    f"the held-out log {log.name} is also fitted ({name})",
+                    remedy="Give another one",
+                    source=log.source,
+                )
+            if before:
+                other = f", also as {name}" if name != log.name else ""
+                raise LogError(
+                    f"the {role} log {log.name} is given twice{other}",
+                    remedy="Give each recording once",
+                    source=log.source,
+                )
+            seen[log.content_hash] = role, log.name
+
+
 def check_together(logs: Sequence[Log]) -> tuple[Finding, ...]:
     """Whether several logs can come from one machine.
 

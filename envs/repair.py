@@ -24,7 +24,7 @@ def repair(log: Log) -> tuple[Log, tuple[Finding, ...]]:
     What is done, in this order, and only where needed:
     1. rows with missing or infinite values are left out;
     2. rows that stand twice, stamp and values, are left out;
-    3. noisy stamps of a regular clock are replaced by the clock, otherwise rows are sorted and repeated stamps left out;
+    3. noisy stamps of a regular clock are replaced by it, otherwise rows are sorted and repeated stamps left out;
     4. angles that jump by full turns are unwrapped;
     5. single-sample spikes of the position are replaced by the mean of their neighbours;
     6. an irregular recording is interpolated to a regular clock (see `resample`).

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from envs.compatibility import check_together, with_robot
+from envs.compatibility import check_apart, check_together, with_robot
 from envs.log import Array, Log
 from envs.log_files import load, write_atomically
 from envs.robots import find_robot
@@ -95,12 +95,7 @@ def read_logs(
             remedy="Choose it with --joint",
         )
     fitted, unseen = read[: len(logs)], read[len(logs) :]
-    hashes = {log.content_hash: log.name for log in fitted}
-    for log in unseen:
-        if log.content_hash in hashes:
-            raise MethodError(
-                f"the held-out log {log.name} is also fitted ({hashes[log.content_hash]})", remedy="Give another one"
-            )
+    check_apart(fitted, unseen)
     return fitted, unseen
 
 

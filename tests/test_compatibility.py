@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from envs.compatibility import check_together, with_robot
+from envs.compatibility import check_apart, check_together, with_robot
 from envs.log import JointFacts, Log, LogError
 from envs.robots import find_robot
 
@@ -47,6 +47,19 @@ def test_logs_of_another_robot(log: Log, complaint: str) -> None:
 def test_wrong_gear_is_said() -> None:
     _, (finding,) = with_robot(swing(amplitude=5.0), find_robot("adeptone"))
     assert finding.kind == "beyond_range"
+
+
+def test_a_recording_counts_once() -> None:
+    one, two, three = swing(), swing(amplitude=0.4), swing(amplitude=0.3)
+    check_apart([one, two], [three])
+    with pytest.raises(LogError, match=r"the fitted log log is given twice\."):
+        check_apart([one, two, one], [])
+    with pytest.raises(LogError, match="the fitted log copy is given twice, also as log"):
+        check_apart([one, replace(one, name="copy")], [two])
+    with pytest.raises(LogError, match="the held-out log copy is also fitted"):
+        check_apart([one, two], [replace(two, name="copy")])
+    with pytest.raises(LogError, match="the held-out log log is given twice"):
+        check_apart([one], [two, two])
 
 
 def test_two_machines() -> None:

@@ -208,6 +208,7 @@ def test_unusable_input_is_one_line_and_nothing_is_written(
     cases = [
         ([str(tmp_path / "none.csv")], "there is no such file"),
         ([log, "--holdout", log], "is also fitted"),
+        ([log, log, "--holdout", other], "is given twice"),
         ([log, "--holdout", other, "--joint", "3"], "not joint 3"),
         ([log, "--holdout", other, "--robot", "emsp"], "did you mean emps"),
     ]

@@ -245,6 +245,7 @@ def test_what_is_not_finite_and_what_is_foreign() -> None:
         (["--method", "lest_squares"], "did you mean least_squares"),
         (["--method", "least_squares", "--joint", "3"], "not joint 3"),
         (["--method", "least_squares", "--holdout", "log_1.csv"], "is also fitted"),
+        (["--method", "least_squares", "log_1.csv"], "is given twice"),
         (["--method", "least_squares", "--robot", "nobody"], "nobody"),
         (["--method", "least_squares", "--out", "."], "is a folder"),
         (["--method", "least_squares", "pair.csv"], "Choose it with --joint"),

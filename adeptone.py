@@ -56,10 +56,12 @@ def record(
 ) -> None:
     """Make a synthetic experiment: a plant with hidden effects, and the log that its sensors give."""
     from envs.log_files import check_writable
+    from envs.output_place import check_file
     from envs.plant.plant import record as record_plant
     from envs.robots import find_robot
 
     check_writable(out)
+    check_file(out)
     recording = record_plant(
         find_robot(robot), effect or [], excitation, duration=duration, rate=rate, seed=seed, name=out.stem
     )

@@ -23,6 +23,7 @@ from benchmarks.progress import Progress
 from benchmarks.store import Store
 from benchmarks.tasks.base import TASKS, Task, load_tasks
 from benchmarks.worker import Contestant
+from envs.output_place import check_folder
 from methods.base import Method
 from methods.registry import RegistryError
 
@@ -72,6 +73,7 @@ def command(
         raise RegistryError(f"there is no suite {name!r}. Known: {', '.join(sorted(SUITES))}")
     chosen = SUITES[name]
     cells = plan(tasks or chosen.tasks, methods or chosen.methods, read_seeds(seeds) if seeds else chosen.seeds)
+    check_folder(out)
     store = Store(out)
     run_cells(cells, store, workers=workers, scheduler=scheduler, retry=retry)
     done = store.fingerprints()

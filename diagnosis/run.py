@@ -71,6 +71,7 @@ from diagnosis.text import enumerated, joint_sentence, table
 from diagnosis.unreached_limits import limits_decided
 from envs.log import Array, Log
 from envs.log_files import write_atomically
+from envs.output_place import check_folder
 from methods.base import MethodError
 from methods.effects import compiled_with, vocabulary
 from methods.effects.base import Effect
@@ -147,8 +148,7 @@ def diagnose_files(
     from rich.console import Console
 
     out = Path(out)
-    if out.exists() and not out.is_dir():
-        raise FileExistsError(f"{out} is a file. Give a folder with --out")
+    check_folder(out)
     effects = vocabulary(plugins)
     with Console(stderr=True).status("reading logs") as status:
         started = clock.perf_counter()

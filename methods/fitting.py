@@ -11,6 +11,7 @@ import numpy as np
 from envs.compatibility import check_apart, check_together, with_robot
 from envs.log import Array, Log
 from envs.log_files import load, write_atomically
+from envs.output_place import check_file
 from envs.robots import find_robot
 from methods.base import Fit, Method, MethodError, Model, State, Status
 from methods.differentiation import BandLimited, Signals
@@ -58,8 +59,7 @@ def fit_files(
     name: of a registered method, or the path of a file that registers one. Nothing is written unless all went well.
     Raises LogError, RobotError, RegistryError or MethodError for unusable input.
     """
-    if out.is_dir():
-        raise IsADirectoryError(f"{out} is a folder. Give a file with --out")
+    check_file(out)
     entry = find_method(name)
     method = build_method(entry)
     fitted, unseen = read_logs(entry, logs, holdout, robot, joint, columns, repair=repair)

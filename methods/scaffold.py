@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from envs.log_files import write_atomically
+from envs.output_place import check_folder
 from methods.effects import vocabulary
 from methods.plugins import load_all
 from methods.registry import METHODS, RegistryError
@@ -26,6 +27,7 @@ def scaffold(kind: Kind, name: str, folder: Path) -> tuple[Path, Path]:
     if name in taken(kind):
         raise RegistryError(f"there is a {kind} {name!r} already. Choose another name")
     files = {folder / f"{name}.py": f"{kind}.py.txt", folder / f"test_{name}.py": f"test_{kind}.py.txt"}
+    check_folder(folder)
     for path in files:
         if path.exists():
             raise FileExistsError(f"{path} exists and is kept. Choose another name or another folder")

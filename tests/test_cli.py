@@ -135,6 +135,45 @@ def test_record_refuses_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
+COMMANDS_THAT_WRITE = {
+    "record": ["--excitation", "sine:amplitude=2,frequency=1"],
+    "diagnose": ["log.csv"],
+    "fit": ["log.csv", "--method", "least_squares"],
+    "new-method": ["my_method"],
+    "new-effect": ["my_effect"],
+    "bench run": [],
+    "bench report": ["--results", "."],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS_THAT_WRITE)
+@pytest.mark.parametrize(
+    ("place", "complaint"), [("/proc/x", "nothing can be created in /proc"), ("taken/sub", "taken is no folder")]
+)
+def test_where_nothing_can_be_written_nothing_is_computed(
+    command: str,
+    place: str,
+    complaint: str,
+    recording: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").write_text("mine")
+    for computation in ("envs.log_files.load_with_findings", "envs.plant.plant.record", "benchmarks.runner.run_cells"):
+        monkeypatch.setattr(computation, None)
+    out = f"{place}/out.csv" if command == "record" else f"{place}/out"
+    arguments = [*command.split(), *COMMANDS_THAT_WRITE[command], "--out", out]
+    assert run(*arguments, monkeypatch=monkeypatch) == 2
+    error = capsys.readouterr().err
+    assert complaint in error
+    assert f"{out} cannot be written" in error
+    assert "--out" in error
+    assert error.count("\n") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "taken"]
+
+
 def test_data_list_and_verify(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -20,6 +20,7 @@ from benchmarks.leaderboard.tables import (
     task_table,
 )
 from benchmarks.store import Store
+from envs.output_place import check_folder
 
 PAGE = "index.html"
 TABLES = "tables"
@@ -32,6 +33,7 @@ def report_files(results: Path, out: Path) -> Path:
     """
     if not results.is_dir():
         raise ReportError(f"{results} is no folder. Give the folder that `adeptone bench run` wrote with --results")
+    check_folder(out)
     return write(Results.of(Store(results).read(), known_tasks()), out)
 
 

@@ -21,6 +21,7 @@ from benchmarks.paper.report import Drawing, Report, draw, measured_report, pape
 from benchmarks.paper.study import run_draw
 from envs.log import LogError
 from envs.log_files import load
+from envs.output_place import check_folder
 from methods.base import MethodError
 
 InputError = (LogError, MethodError, OSError)
@@ -74,6 +75,7 @@ def workers() -> Iterator[Workers]:
 
 def run_study(extent: Extent, out: Path, seed: int) -> Report:
     """The whole synthetic study into `out`."""
+    check_folder(out)
     members = draws(extent.draws, seed, extent.duration)
     with workers() as work:
         doubts, *results = work.all(
@@ -91,6 +93,7 @@ def run_study(extent: Extent, out: Path, seed: int) -> Report:
 
 def run_on_logs(paths: Sequence[Path], joint: int | None, out: Path, seed: int) -> Report:
     """The pipeline on measured logs into `out`. Raises `InputError` before anything is written."""
+    check_folder(out)
     logs = readable(joint_of([load(path) for path in paths], joint))
     with Console(stderr=True).status("fitting and scoring"):
         report = measured_report(study_measured(logs, seed))

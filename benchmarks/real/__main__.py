@@ -15,6 +15,7 @@ from benchmarks.real.outcome import Outcome
 from benchmarks.real.page import write
 from envs import data_sets
 from envs.log_files import write_atomically
+from envs.output_place import check_folder
 from envs.rigs import rig
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -67,9 +68,11 @@ def main(
     if unknown:
         console.print(f"there is no rig {unknown[0]}. Choose one of {', '.join(data_sets.names())}", soft_wrap=True)
         raise typer.Exit(2)
-    if out.exists() and not out.is_dir():
-        console.print(f"{out} is a file. Give a folder with --out", soft_wrap=True)
-        raise typer.Exit(2)
+    try:
+        check_folder(out)
+    except OSError as error:
+        console.print(str(error), soft_wrap=True)
+        raise typer.Exit(2) from None
     outcomes = []
     for name in data_sets.names():
         if rigs and name not in rigs:

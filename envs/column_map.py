@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -36,9 +36,10 @@ STANDARD_COLUMN = re.compile(r"(v|i|tau|q|dq|temp)([1-9]\d*)")
 class ColumnSource:
     """Where a standard column comes from.
 
-    column: name in the file. unit: an expression of `envs.units`; None: already in the standard unit, not questioned
-    when wrong. scale: a factor without unit, -1 turns the sign. offset: added first. signed_bits: width of a register
-    in two's complement that was logged unsigned. times: a second column that multiplies (the supply), in times_unit.
+    column: name in the file. unit: an expression of `envs.units`; None: the one that the file states, else already in
+    the standard unit. scale: a factor without unit, -1 turns the sign. offset: added first. signed_bits: width of a
+    register in two's complement that was logged unsigned. times: a second column that multiplies (the supply), in
+    times_unit.
     """
 
     column: str
@@ -115,10 +116,11 @@ def standard_unit(target: str, position_unit: str) -> str:
 def apply(columns: ColumnMap, table: Table, position_units: Mapping[int, str]) -> Table:
     """The table in standard columns. Mapped columns replace columns of the same name; standard ones stay."""
     mapped = {name: values for name, values in table.columns.items() if name == "t" or STANDARD_COLUMN.fullmatch(name)}
-    for target, item in columns.columns.items():
+    stated = {name: ColumnSource(name) for name in mapped if name in table.units}
+    for target, item in (stated | dict(columns.columns)).items():
         joint = int(target.lstrip("abcdefghijklmnopqrstuvwxyz") or 0)
         mapped[target] = converted(item, table, standard_unit(target, position_units.get(joint, "rad")), target)
-    return Table(mapped, table.source, table.findings)
+    return replace(table, columns=mapped)
 
 
 def converted(item: ColumnSource, table: Table, unit: str, target: str) -> Array:
@@ -128,18 +130,19 @@ def converted(item: ColumnSource, table: Table, unit: str, target: str) -> Array
         half = 2.0 ** (item.signed_bits - 1)
         values = np.where(values >= half, values - 2.0 * half, values)
     values = (values + item.offset) * item.scale
-    stated = item.unit
+    stated = item.unit or table.units.get(item.column)
     if item.times is not None:
         values = values * table.numbers(item.times)
-        stated = f"({item.unit or 'share'}) * ({item.times_unit})"
+        stated = f"({stated or 'share'}) * ({item.times_unit})"
     if stated is None:
         return values
     try:
         return convert(values, stated, unit)
     except UnitError as error:
+        remedy = "Correct the unit of the column map" if item.unit else "Correct the unit, or state one in a column map"
         raise LogError(
             f"{target} from column {item.column}: {error}",
-            remedy="Correct the unit of the column map",
+            remedy=remedy,
             source=table.source,
             column=item.column,
         ) from None

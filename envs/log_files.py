@@ -74,7 +74,8 @@ def load_with_findings(
     if repair:
         log, mended = repaired(log)
     in_sidecar = {f"q{joint}" for joint, entry in content.get("joints", {}).items() if "position_unit" in entry}
-    names = replace(columns.names, stated=columns.names.stated | in_sidecar)
+    in_file = {name for name in (*columns.columns, *table.units) if columns.names[name] in table.units}
+    names = replace(columns.names, stated=columns.names.stated | in_sidecar | in_file)
     return log, (*table.findings, *found, *mended, *check(log, names))
 
 
@@ -171,7 +172,7 @@ def wanted_rows(table: Table, entry: Mapping[str, Any], facts_file: str) -> Tabl
         return table
     said = Finding("rows_left_out", f"rows {start + 1} to {stop} of {size} used: {entry['where']} is zero elsewhere")
     columns = {name: values[start:stop] for name, values in table.columns.items()}
-    return Table(columns, table.source, (*table.findings, said))
+    return replace(table, columns=columns, findings=(*table.findings, said))
 
 
 def assemble(

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.log import Array, LogError
+from envs.text_lines import are_numbers, as_utf8, has_decimal_commas, heading
 from envs.validation import Finding
 
 if TYPE_CHECKING:
@@ -42,11 +43,15 @@ SIGNATURES: tuple[tuple[bytes, str], ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Named columns of one file, each of shape (T,), as read; text columns stay text until they are asked for."""
+    """Named columns of one file, each of shape (T,), as read; text columns stay text until they are asked for.
+
+    units: of the columns for which the file itself states one.
+    """
 
     columns: Mapping[str, NDArray[Any]]
     source: str
     findings: tuple[Finding, ...] = field(default=())
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def numbers(self, name: str) -> Array:
         """One column as float64. Raises LogError when it is missing or holds text."""
@@ -130,6 +135,8 @@ def of_one_length(columns: Mapping[str, NDArray[Any]], source: str) -> Table:
 def read_csv(path: Path, repair: bool) -> Table:
     """A text table with a header line; comma, semicolon, tab or blanks between cells, gzip or not.
 
+    Comments above the header are passed over; a row of units below it states the units of the columns.
+
     Rows with too few or too many cells raise LogError; with `repair` they are left out and said.
     """
     import pyarrow as pa
@@ -140,7 +147,6 @@ def read_csv(path: Path, repair: bool) -> Table:
     findings: list[Finding] = []
     if raw[:2] == b"\x1f\x8b":
         raw = unzipped(raw, source, repair, findings)
-    raw = raw.removeprefix(b"\xef\xbb\xbf")
     if not raw.strip():
         raise LogError("the file is empty", remedy="Record it again", source=source)
     found = true_format(raw[:4096])
@@ -150,21 +156,17 @@ def read_csv(path: Path, repair: bool) -> Table:
             remedy="Give it the suffix of its true format or export it as CSV",
             source=source,
         )
-    try:
-        head = raw[:65536].decode("utf-8", errors="strict" if len(raw) <= 65536 else "ignore")
-    except UnicodeDecodeError:
-        raise LogError("the file is not UTF-8 text", remedy="Export it as UTF-8 CSV", source=source) from None
-    lines = head.splitlines()
-    header = lines[0].lstrip("#").strip()
-    delimiter = next((mark for mark in ",;\t" if mark in header), " ")
-    names = [cell.strip().strip('"') for cell in (header.split() if delimiter == " " else header.split(delimiter))]
+    raw = as_utf8(raw, findings)
+    lines = raw[:65536].decode("utf-8", errors="ignore").split("\n")
+    head = heading(lines, source)
+    names, delimiter = head.names, head.delimiter
     check_header(names, source)
-    body = raw.split(b"\n", 1)[1] if b"\n" in raw else b""
+    body = raw.split(b"\n", head.lines)[-1] if raw.count(b"\n") >= head.lines else b""
     if not body.strip():
         raise LogError("there is a header but no row", remedy="Record it again", source=source)
     if delimiter == " ":
         body = b"\n".join(b" ".join(line.split()) for line in body.splitlines())
-    comma = delimiter == ";" and len(lines) > 1 and "," in lines[1] and "." not in lines[1]
+    comma = has_decimal_commas(lines[head.lines :], delimiter)
     bad_rows: list[Any] = []
 
     def keep_aside(row: Any) -> str:
@@ -196,20 +198,15 @@ def read_csv(path: Path, repair: bool) -> Table:
         findings.append(Finding("broken_rows", f"{len(rows)} rows with missing cells left out, first row {rows[0]}"))
     elif not raw.endswith((b"\n", b"\r")) and not bad_rows:
         findings.append(Finding("no_final_newline", "the last line has no line end: the file may have been cut"))
-    return Table({name: from_arrow(table.column(name)) for name in names}, source, tuple(findings))
+    if head.units:
+        stated = listed((f"{name} in {unit}" for name, unit in head.units.items()), most=40)
+        findings.append(Finding("units_row", f"the line below the header states units: {stated}"))
+    return Table({name: from_arrow(table.column(name)) for name in names}, source, tuple(findings), head.units)
 
 
 def check_header(names: list[str], source: str) -> None:
     """Refuses a header of numbers (a table without one) and names that stand twice."""
-
-    def is_number(text: str) -> bool:
-        try:
-            float(text.replace(",", "."))
-        except ValueError:
-            return False
-        return True
-
-    if all(is_number(name) for name in names):
+    if are_numbers(names):
         raise LogError(
             "the first line holds numbers, not column names",
             remedy="Add a header line such as t,v1,q1",

@@ -105,6 +105,19 @@ def convert(values: ArrayLike, unit: str, target: str) -> Array:
         raise UnitError(f"unit {unit!r} is not understood") from None
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of the vocabulary, such as ``deg/s``; a bare number is none."""
+    import pint
+
+    written = plain(text)
+    if not EXPRESSION.fullmatch(written):
+        return False
+    try:
+        return isinstance(registry().parse_expression(written), pint.Quantity)
+    except (pint.PintError, AssertionError, SyntaxError, TypeError, ValueError, ArithmeticError):
+        return False
+
+
 def hint(unit: str, target: str) -> str:
     """What to write instead, for the mistakes that are made most."""
     if "count" in unit:

@@ -120,10 +120,66 @@ def test_text_tables(delimiter: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.command[:, 0], columns["v1"])
 
 
-def test_decimal_comma(tmp_path: Path) -> None:
-    path = write_csv(tmp_path / "german.csv", swing(), ";")
+@pytest.mark.parametrize("delimiter", [";", "\t", " "])
+def test_decimal_comma(delimiter: str, tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "german.csv", swing(), delimiter)
     path.write_text(path.read_text().replace(".", ","))
     np.testing.assert_array_equal(load(path).position[:, 0], swing()["q1"])
+
+
+def test_decimal_comma_below_whole_numbers(tmp_path: Path) -> None:
+    lines = write_csv(tmp_path / "german.csv", swing(), "\t").read_text().replace(".", ",").splitlines()
+    (tmp_path / "german.csv").write_text("\n".join([lines[0], "0\t0\t0", *lines[2:]]) + "\n")
+    np.testing.assert_array_equal(load(tmp_path / "german.csv").position[:, 0], swing()["q1"])
+
+
+def test_text_that_is_not_utf8(tmp_path: Path) -> None:
+    columns = swing()
+    path = write_csv(tmp_path / "labor.csv", {"t": columns["t"], "v1": columns["v1"], "Winkel [°]": columns["q1"]}, ";")
+    path.write_bytes(path.read_text().encode("cp1252"))
+    (tmp_path / "labor.toml").write_text('[columns]\nq1 = { column = "Winkel [°]", unit = "°" }\n', encoding="utf-8")
+    log, findings = load_with_findings(path)
+    np.testing.assert_allclose(log.position[:, 0], np.deg2rad(columns["q1"]), rtol=1e-12)
+    assert [finding.kind for finding in findings] == ["encoding"]
+
+
+@pytest.mark.parametrize(
+    "above",
+    [
+        "# my rig, 2025\n# unit: V\n\nt,v1,q1\n",
+        "% my rig, 2025\nt,v1,q1\n",
+        "# my rig, 2025\n# t,v1,q1\n",
+        "%t,v1,q1\n",
+        "# rig 7\n#t,v1,q1\n#s,V,rad\n",
+        "# rig 7\n# t,v1,q1\ns,V,rad\n",
+        "t,v1,q1\ns,V,rad\n",
+        "# rig 7\r\nt,v1,q1\r\n[s],[V],[rad]\r\n",
+        "t,v1,q1\ns,,-\n",
+    ],
+)
+def test_comments_and_units_around_the_header(above: str, tmp_path: Path) -> None:
+    columns = swing()
+    path = write_csv(tmp_path / "log.csv", columns)
+    path.write_text(above + path.read_text().partition("\n")[2])
+    log = load(path)
+    np.testing.assert_array_equal(log.time, columns["t"])
+    np.testing.assert_array_equal(log.position[:, 0], columns["q1"])
+
+
+def test_a_row_of_units_states_the_units(tmp_path: Path) -> None:
+    columns = swing()
+    raw = {"t": 1e3 * columns["t"], "volts": 1e3 * columns["v1"], "q1": 100.0 * columns["q1"], "state": columns["t"]}
+    path = write_csv(tmp_path / "log.csv", raw)
+    head, rest = path.read_text().split("\n", 1)
+    path.write_text(f"{head}\nms,mV,deg,mode\n{rest}")
+    (tmp_path / "log.toml").write_text('[columns]\nv1 = "volts"\n')
+    log, findings = load_with_findings(path)
+    np.testing.assert_allclose(log.time, columns["t"], atol=1e-15)
+    np.testing.assert_allclose(log.command[:, 0], columns["v1"], atol=1e-15)
+    np.testing.assert_allclose(log.position[:, 0], np.deg2rad(100.0 * columns["q1"]), atol=1e-12)
+    assert [finding.kind for finding in findings] == ["units_row"]
+    (tmp_path / "log.toml").write_text('[columns]\nv1 = { column = "volts", unit = "V" }\n')
+    np.testing.assert_allclose(load(path).command[:, 0], 1e3 * columns["v1"], rtol=1e-12)
 
 
 def test_gzip(tmp_path: Path) -> None:

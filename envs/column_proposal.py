@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from envs.column_map import ColumnMap, ColumnSource
+from envs.column_map import STANDARD_COLUMN, ColumnMap, ColumnSource
 from envs.log import Array
 from envs.log_tables import Table
 from envs.validation import SLOWEST_INTERVAL, WIDEST_SWING, counts_per_turn
 
 #: Words that names of columns are made of, by the signal they speak of; the first match of a column counts.
 WORDS: dict[str, tuple[str, ...]] = {
-    "dq": ("velocity", "vel", "speed", "omega", "dq", "qd", "qdot", "rpm", "dtheta"),
-    "temp": ("temperature", "temp"),
-    "i": ("current", "cur", "iq", "amps", "amp", "ampere", "i", "ia", "ma"),
-    "tau": ("torque", "effort", "tau", "force"),
+    "dq": ("velocity", "vel", "speed", "omega", "dq", "qd", "qdot", "rpm", "dtheta", "drehzahl"),
+    "temp": ("temperature", "temp", "temperatur"),
+    "i": ("current", "cur", "iq", "amps", "amp", "ampere", "i", "ia", "ma", "strom"),
+    "tau": ("torque", "effort", "tau", "force", "drehmoment", "kraft"),
     "v": (
-        *("voltage", "volts", "volt", "dac", "u", "v", "vir", "mv", "pwm", "duty"),
+        *("voltage", "volts", "volt", "dac", "u", "v", "vir", "mv", "pwm", "duty", "spannung"),
         *("input", "command", "cmd", "control"),
     ),
     "t": ("time", "timestamp", "stamp", "zeit", "t", "secs", "seconds", "sec"),
-    "q": ("position", "pos", "angle", "theta", "q", "qm", "encoder", "enc", "joint", "phi", "displacement"),
+    "q": ("position", "pos", "angle", "theta", "q", "qm", "encoder", "enc", "joint", "phi", "displacement", "winkel"),
 }
 #: Words that mark a column as something that was wanted, filtered or derived, not measured.
 SECOND_RATE = (
@@ -54,11 +54,17 @@ UNITS: dict[str, tuple[str, ...]] = {
 @dataclass(frozen=True)
 class Proposal:
     """A guessed column map with the unit of every column, the joints whose position looks like a length, and the
-    columns of numbers that it has no use for."""
+    columns of numbers that it has no use for.
+
+    guessed: targets whose unit stands nowhere in the file, and what it was guessed from. own: columns of the file that
+    have the names of a log already.
+    """
 
     map: ColumnMap
     lengths: tuple[int, ...] = ()
     left_out: tuple[str, ...] = ()
+    guessed: Mapping[str, str] = field(default_factory=dict)
+    own: tuple[str, ...] = ()
 
     @property
     def unknown(self) -> dict[str, str]:
@@ -69,20 +75,23 @@ class Proposal:
     @property
     def missing(self) -> tuple[str, ...]:
         """What a log needs and no column looked like."""
-        targets = self.map.columns
-        needed = {"the time": ("t",), "a position": ("q1",), "a command": ("v1", "i1", "tau1")}
-        return tuple(name for name, any_of in needed.items() if not any(target in targets for target in any_of))
+        signals = {name.rstrip("0123456789") for name in (*self.map.columns, *self.own)}
+        needed = {"the time": ("t",), "a position": ("q",), "a command": tuple(COMMANDS)}
+        return tuple(name for name, any_of in needed.items() if signals.isdisjoint(any_of))
 
     def toml(self) -> str:
         """The map as TOML, ready to be saved as sidecar."""
         lines = ["[columns]"]
         lines += [
-            f'{target} = {{ column = "{item.column}", unit = "{item.unit}" }}'
+            f'{target} = {{ column = "{item.column}", unit = "{item.unit}" }}{self._remark(target)}'
             for target, item in self.map.columns.items()
         ]
         for joint in self.lengths:
             lines += ["", f"[joints.{joint}]", 'position_unit = "m"']
         return "\n".join(lines) + "\n"
+
+    def _remark(self, target: str) -> str:
+        return f"  # {self.guessed[target]}" if target in self.guessed else ""
 
 
 def propose(table: Table) -> Proposal:
@@ -90,44 +99,54 @@ def propose(table: Table) -> Proposal:
 
     Joints are numbered in the order of the columns. Of several columns for the same signal a measured one is preferred
     to a wanted or filtered one. Positions beyond the number of commands are taken for further sensors of the joints.
+    Positions and commands under the names of a log stay what they are.
     """
     numeric = {name: values.astype(np.float64) for name, values in table.columns.items() if values.dtype.kind in "fiu"}
+    own = {name: match for name in numeric if (match := STANDARD_COLUMN.fullmatch(name))}
+    positioned = sorted(int(match[2]) for match in own.values() if match[1] == "q")
+    commanded = sorted({int(match[2]) for match in own.values() if match[1] in COMMANDS})
     by_signal: dict[str, list[str]] = {signal: [] for signal in WORDS}
     for name in numeric:
         signal = signal_of(name)
-        if signal is not None:
+        if signal is not None and not (name in own and (positioned or commanded)):
             by_signal[signal].append(name)
     if not by_signal["t"]:
         by_signal["t"] = [name for name, values in numeric.items() if is_clock(values)][:1]
     columns: dict[str, ColumnSource] = {}
+    guessed: dict[str, str] = {}
+
+    def take(target: str, name: str, guess: str, reason: str = "unit guessed: check it") -> str:
+        stated = table.units.get(name) or unit_of(name, target.rstrip("0123456789"))
+        columns[target] = ColumnSource(name, unit=stated or guess)
+        if stated is None:
+            guessed[target] = reason
+        return stated or guess
+
     lengths: list[int] = []
     clock = next((name for name in by_signal["t"] if is_clock(numeric[name])), None)
     if clock is not None:
-        columns["t"] = ColumnSource(clock, unit=unit_of(clock, "t") or time_unit(numeric[clock]))
-    found = first_rate(by_signal["q"])
-    commands = {signal: first_rate(by_signal[signal]) for signal in COMMANDS}
-    most = max(map(len, commands.values()))
+        take("t", clock, time_unit(numeric[clock]))
+    found = [] if positioned else first_rate(by_signal["q"])
+    commands = {signal: [] if commanded else first_rate(by_signal[signal]) for signal in COMMANDS}
+    most = max(len(commanded), *map(len, commands.values()))
     positions = found[:most] if most else found
-    for joint, position in enumerate(positions, start=1):
-        unit = unit_of(position, "q") or angle_unit(numeric[position])
-        columns[f"q{joint}"] = ColumnSource(position, unit=unit)
-        if unit in ("m", "mm", "um"):
+    joints = positioned or commanded or list(range(1, max(1, len(positions)) + 1))
+    for joint, position in zip(joints, positions, strict=False):
+        if take(f"q{joint}", position, *angle_unit(numeric[position])) in ("m", "mm", "um"):
             lengths.append(joint)
-    joints = max(1, len(positions))
     for signal, default in COMMANDS.items():
-        if len(commands[signal]) >= joints:
-            for joint, name in enumerate(commands[signal][:joints], start=1):
-                unit = unit_of(name, signal) or command_unit(name, default, length=joint in lengths)
-                columns[f"{signal}{joint}"] = ColumnSource(name, unit=unit)
+        if len(commands[signal]) >= len(joints):
+            for joint, name in zip(joints, commands[signal], strict=False):
+                take(f"{signal}{joint}", name, command_unit(name, default, length=joint in lengths))
             break
     speeds = first_rate(by_signal["dq"])
     if positions and len(speeds) == len(found):
-        for joint, name in enumerate(speeds[: len(positions)], start=1):
+        for joint, name in zip(joints, speeds[: len(positions)], strict=False):
             default = "m/s" if joint in lengths else "deg/s" if columns[f"q{joint}"].unit == "deg" else "rad/s"
-            columns[f"dq{joint}"] = ColumnSource(name, unit=unit_of(name, "dq") or default)
-    used = {item.column for item in columns.values()}
+            take(f"dq{joint}", name, default)
+    used = {item.column for item in columns.values()} | set(own)
     left_out = tuple(name for name in numeric if name not in used)
-    return Proposal(ColumnMap(columns, source=table.source), tuple(lengths), left_out)
+    return Proposal(ColumnMap(columns, source=table.source), tuple(lengths), left_out, guessed, tuple(own))
 
 
 def words_of(name: str) -> list[str]:
@@ -188,10 +207,17 @@ def time_unit(values: Array) -> str:
     return "ns"
 
 
-def angle_unit(values: Array) -> str:
-    """rad, deg or encoder counts (of an unknown number per turn), by the range and by whether all are whole."""
+def angle_unit(values: Array) -> tuple[str, str]:
+    """rad, deg or encoder counts (of an unknown number per turn), and why: by the step, the range, and whether all
+    values are whole."""
     values = values[np.isfinite(values)]
     span = float(np.ptp(values)) if len(values) else 0.0
     if span > 0 and np.array_equal(values, np.round(values)):
-        return "turn / COUNTS_PER_TURN"
-    return "rad" if span <= WIDEST_SWING or counts_per_turn(values) == 2.0 * np.pi else "deg"
+        return "turn / COUNTS_PER_TURN", "unit guessed from whole numbers: check it"
+    turn = counts_per_turn(values)
+    if turn is not None:
+        return (
+            "deg" if turn == 360.0 else "rad",
+            "unit guessed from the step, which divides a turn: check it",
+        )
+    return "rad" if span <= WIDEST_SWING else "deg", "unit guessed from the range: check it"

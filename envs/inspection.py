@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from envs.column_map import STANDARD_COLUMN
 from envs.column_proposal import propose
 from envs.log import COMMAND_UNIT, Log, LogError
 from envs.log_files import load_with_findings, read_table, sidecar_path
@@ -16,8 +17,8 @@ from envs.log_tables import listed
 from envs.rigs import recognise
 from envs.validation import Finding, check, command_column
 
-STANDARD_NEEDED = frozenset({"q1", "v1", "i1", "tau1"})
-"""A file with one of these columns is taken to be in the standard layout."""
+STANDARD_NEEDED = (frozenset({"q"}), frozenset({"v", "i", "tau"}))
+"""A file with one of each of these columns, of any joint, is taken to be in the standard layout."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +135,8 @@ def inspect_file(path: Path, column_map: Path | None = None, *, repair: bool = F
     """
     table = read_table(path, repair=repair)
     known = column_map is not None or sidecar_path(path).exists() or recognise(table.columns) is not None
-    if known or not STANDARD_NEEDED.isdisjoint(table.columns):
+    signals = {match[1] for name in table.columns if (match := STANDARD_COLUMN.fullmatch(name))}
+    if known or not any(any_of.isdisjoint(signals) for any_of in STANDARD_NEEDED):
         log, findings = load_with_findings(path, column_map, repair=repair)
         yield from inspect(log, findings).lines()
         return

@@ -21,9 +21,8 @@ WIDEST_SWING = 4.0 * math.pi
 DOUBTFUL_UNIT = "doubtful_unit"
 #: Counts per turn up to which a step read off a file tells whether they are whole, and those of finer encoders.
 COUNTED = 2e4
-USUAL_COUNTS = (
-    *(2.0**k for k in range(14, 33)),
-    *(m * 10.0**k for k in range(4, 9) for m in (1.0, 2.0, 2.5, 4.0, 5.0)),
+USUAL_COUNTS = tuple(
+    count for twos in range(33) for fives in range(14) if COUNTED / 2 <= (count := 2.0**twos * 5.0**fives) <= 2.0**32
 )
 #: Ratios of velocity units that are mistaken for one another: deg/s, rpm and 1/1000.
 VELOCITY_FACTORS = {"deg/s": 180.0 / math.pi, "rpm": 30.0 / math.pi, "mrad/s or mm/s": 1000.0, "turn/s": 0.5 / math.pi}

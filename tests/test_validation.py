@@ -465,6 +465,59 @@ def test_a_drive_with_a_second_encoder_and_a_set_point_is_one_joint(tmp_path: Pa
         list(inspect_file(path))
 
 
+@pytest.mark.parametrize(
+    ("turn", "counts", "unit", "reason"),
+    [
+        (360.0, 204_800, "deg", "guessed from the step"),
+        (360.0, 4096, "deg", "guessed from the step"),
+        (2.0 * math.pi, 8192, "rad", "guessed from the step"),
+        (2.0 * math.pi, None, "rad", "guessed from the range"),
+    ],
+)
+def test_a_guessed_unit_is_marked(turn: float, counts: int | None, unit: str, reason: str, tmp_path: Path) -> None:
+    columns = swing()
+    angle = 4.0 * columns["q1"]
+    if counts is not None:
+        angle = turn / counts * np.round(angle / (turn / counts))
+    path = write(tmp_path / "log.csv", {"time": columns["t"], "angle": angle, "motor_V": columns["v1"]})
+    proposed = propose(read_table(path)).toml().splitlines()
+    assert proposed[1] == 't = { column = "time", unit = "s" }  # unit guessed: check it'
+    assert proposed[2].startswith(f'q1 = {{ column = "angle", unit = "{unit}" }}  # ')
+    assert reason in proposed[2]
+    assert proposed[3] == 'v1 = { column = "motor_V", unit = "V" }'
+
+
+def test_a_row_of_units_is_no_guess(tmp_path: Path) -> None:
+    columns = swing()
+    path = write(
+        tmp_path / "log.csv", {"time": columns["t"], "angle": columns["q1"], "motor": columns["v1"], "u": columns["v1"]}
+    )
+    path.write_text(path.read_text().replace("\n", "\ns,mrad,,mV\n", 1))
+    proposal = propose(read_table(path))
+    assert {target: item.unit for target, item in proposal.map.columns.items()} == {"t": "s", "q1": "mrad", "v1": "mV"}
+    assert proposal.guessed == {}
+
+
+def test_a_command_is_proposed_beside_positions_that_have_their_names(tmp_path: Path) -> None:
+    columns = swing()
+    signals = {
+        "t": columns["t"],
+        "/cmd/voltage/data1": columns["v1"],
+        "elbow.position": columns["q1"],
+        "q1": columns["q1"],
+    }
+    path = write(tmp_path / "log.csv", signals)
+    lines = list(inspect_file(path))
+    assert any('v1 = { column = "/cmd/voltage/data1", unit = "V" }' in line for line in lines)
+    assert not any("q1 = {" in line for line in lines)
+    assert any("joint 1: position" in line for line in lines)
+    signals = {"t": columns["t"], "v2": columns["v1"], "angle_rad": columns["q1"]}
+    assert "q2" in propose(read_table(write(tmp_path / "log.csv", signals))).map.columns
+    del signals["angle_rad"]
+    with pytest.raises(LogError, match="no column looks like a position"):
+        list(inspect_file(write(tmp_path / "log.csv", signals)))
+
+
 def test_proposed_map_reads_the_file(tmp_path: Path) -> None:
     columns = swing()
     foreign = {

@@ -15,6 +15,7 @@ from envs.log_files import load_with_findings, read_table, sidecar_path
 from envs.log_statistics import Timing, excitation_band, quantisation_step, saturation, timing
 from envs.log_tables import listed
 from envs.rigs import recognise
+from envs.text_form import counted
 from envs.validation import Finding, check, command_column
 
 STANDARD_NEEDED = (frozenset({"q"}), frozenset({"v", "i", "tau"}))
@@ -62,8 +63,8 @@ class Inspection:
         clock = self.clock
         yield f"{self.source}: {self.samples} samples, {self.duration:.4g} s, {clock.rate:.5g} Hz"
         yield (
-            f"  clock: jitter {1e3 * clock.jitter:.3g} ms rms, {len(clock.gap_rows)} gaps with about {clock.missing} "
-            f"missing samples, longest interval {1e3 * clock.largest_gap:.4g} ms"
+            f"  clock: jitter {1e3 * clock.jitter:.3g} ms rms, {counted(len(clock.gap_rows), 'gap')} with about "
+            f"{counted(clock.missing, 'missing sample')}, longest interval {1e3 * clock.largest_gap:.4g} ms"
         )
         for joint in self.joints:
             yield from joint_lines(joint)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -135,6 +135,8 @@ def sidecar_path(path: Path) -> Path:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """A sidecar or column map as a dictionary. Raises LogError when it is not TOML or has unknown entries."""
+    if path.is_dir():
+        raise LogError("this is a folder, not a column map", remedy="Give a TOML file", source=str(path))
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -190,6 +192,7 @@ def assemble(
     for needed, there in (("t", "t" in table.columns), ("q1", bool(joints))):
         if not there:
             whole.numbers(needed)  # says so, with the names that the file has
+    check_facts(columns, stated, joints, facts_file)
     time, findings = from_epoch(table.numbers("t"))
     joint_facts = tuple(
         facts_of(joint, found[joint], stated.get(str(joint), {}), whole, facts_file) for joint in joints
@@ -222,6 +225,26 @@ def assemble(
         source=table.source,
     )
     return log, tuple(findings)
+
+
+def check_facts(columns: ColumnMap, stated: Mapping[str, Any], joints: Sequence[int], facts_file: str) -> None:
+    """Refuses facts and mapped columns of joints that have no position: they would be passed over in silence."""
+    there = ", ".join(map(str, joints))
+    for joint in stated:
+        if joint not in map(str, joints):
+            raise LogError(
+                f"[joints.{joint}] speaks of a joint that the log does not hold (it holds {there})",
+                remedy=f"Map a column to q{joint}, or remove the table" if joint.isdigit() else "Correct its number",
+                source=facts_file,
+            )
+    for target in columns.columns:
+        match = STANDARD_COLUMN.fullmatch(target)
+        if match is not None and int(match[2]) not in joints:
+            raise LogError(
+                f"columns.{target} belongs to joint {match[2]}, which has no position",
+                remedy=f"Map a column to q{match[2]}, too, or remove {target}",
+                source=columns.source or facts_file,
+            )
 
 
 def from_epoch(time: Array) -> tuple[Array, list[Finding]]:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.log import Array, LogError
+from envs.text_form import counted
 from envs.text_lines import are_numbers, as_utf8, has_decimal_commas, heading
 from envs.validation import Finding
 
@@ -188,14 +189,19 @@ def read_csv(path: Path, repair: bool) -> Table:
         ) from None
     if bad_rows:
         first = bad_rows[0]
-        problem = f"{first.actual_columns} cells where the header has {first.expected_columns}"
+        problem = f"{counted(first.actual_columns, 'cell')} where the header has {first.expected_columns}"
         if not repair:
             last = " (the file seems to be cut)" if not raw.endswith(b"\n") and len(bad_rows) == 1 else ""
             raise LogError(
-                problem + last, remedy="Copy the file again or load it with repair", source=source, row=first.number
+                problem + last, remedy="Copy the file again or load it with --repair", source=source, row=first.number
             )
         rows = tuple(int(row.number) for row in bad_rows)
-        findings.append(Finding("broken_rows", f"{len(rows)} rows with missing cells left out, first row {rows[0]}"))
+        findings.append(
+            Finding(
+                "broken_rows",
+                f"{counted(len(rows), 'row')} with missing or surplus cells left out, first row {rows[0]}",
+            )
+        )
     elif not raw.endswith((b"\n", b"\r")) and not bad_rows:
         findings.append(Finding("no_final_newline", "the last line has no line end: the file may have been cut"))
     if head.units:
@@ -225,7 +231,7 @@ def unzipped(raw: bytes, source: str, repair: bool, findings: list[Finding]) -> 
     except (EOFError, OSError, zlib.error):
         if not repair:
             raise LogError(
-                "the gzip file is damaged or cut", remedy="Copy the file again or load it with repair", source=source
+                "the gzip file is damaged or cut", remedy="Copy the file again or load it with --repair", source=source
             ) from None
     rescued = zlib.decompressobj(zlib.MAX_WBITS | 16).decompress(raw)
     findings.append(Finding("cut_archive", "the gzip file is cut: only its whole lines were read"))

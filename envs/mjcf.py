@@ -184,8 +184,9 @@ class DescribedBody:
 
     @cached_property
     def _model(self) -> mujoco.MjModel:
+        spec = self.spec()
         try:
-            return self.spec().compile()
+            return spec.compile()
         except ValueError as error:
             raise _refused(error, self.path) from None
 
@@ -217,8 +218,9 @@ def joints_of_file(path: Path) -> list[dict[str, Any]]:
 
     Raises RobotError for a file that is missing or refused, and for joints of several degrees of freedom.
     """
+    spec = _read(path)
     try:
-        model = _read(path).compile()
+        model = spec.compile()
     except ValueError as error:
         raise _refused(error, str(path)) from None
     kinds = {int(number): kind for kind, number in _JOINT_TYPES.items()}

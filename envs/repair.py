@@ -9,6 +9,7 @@ import numpy as np
 
 from envs.log import Array, Log, LogError
 from envs.log_statistics import MAD_TO_STD, Rows, spikes, timing
+from envs.text_form import counted
 from envs.validation import Finding, columns_of
 
 #: Share of the repeated stamps that whole rows have to repeat for those to be copies. Where stamps are merely rounded,
@@ -58,7 +59,10 @@ def without_broken_rows(log: Log) -> tuple[Log, list[Finding]]:
     if not good.any():
         raise LogError("no row has all its values", remedy="Check the export", source=log.source)
     return rows_of(log, np.flatnonzero(good)), [
-        Finding("repaired_rows", f"{lost} rows with missing values left out, the first was row {np.argmin(good) + 1}")
+        Finding(
+            "repaired_rows",
+            f"{counted(lost, 'row')} with missing values left out, the first was row {np.argmin(good) + 1}",
+        )
     ]
 
 
@@ -71,7 +75,7 @@ def without_copies(log: Log) -> tuple[Log, list[Finding]]:
     copies = len(log) - len(first)
     if copies < COPIED * repeated:
         return log, []
-    return rows_of(log, np.sort(first)), [Finding("repaired_copies", f"{copies} double rows left out")]
+    return rows_of(log, np.sort(first)), [Finding("repaired_copies", f"{counted(copies, 'double row')} left out")]
 
 
 def with_ordered_time(log: Log) -> tuple[Log, list[Finding]]:
@@ -86,7 +90,10 @@ def with_ordered_time(log: Log) -> tuple[Log, list[Finding]]:
         said = f"time stamps were noisy ({1e3 * error.std():.3g} ms rms) and replaced by a regular clock"
         return replace(log, time=start + interval * number), [Finding("repaired_clock", said)]
     _, rows = np.unique(log.time, return_index=True)
-    said = f"{int(backwards.sum())} rows out of order: sorted, {len(log) - len(rows)} double rows left out"
+    said = (
+        f"{counted(int(backwards.sum()), 'row')} out of order: sorted, "
+        f"{counted(len(log) - len(rows), 'row')} with a repeated stamp left out"
+    )
     return rows_of(log, rows), [Finding("repaired_order", said)]
 
 
@@ -109,7 +116,9 @@ def without_spikes(log: Log) -> tuple[Log, list[Finding]]:
         if len(rows):
             position[rows, column] = 0.5 * (position[rows - 1, column] + position[rows + 1, column])
             done.append(
-                Finding("repaired_spikes", f"{len(rows)} spikes of q{joint} replaced by their neighbours' mean")
+                Finding(
+                    "repaired_spikes", f"{counted(len(rows), 'spike')} of q{joint} replaced by the neighbours' mean"
+                )
             )
     return (replace(log, position=position) if done else log), done
 

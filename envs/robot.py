@@ -85,8 +85,12 @@ def sample_fields(record: T, rng: np.random.Generator) -> T:
     return replace(record, **drawn)  # type: ignore[type-var]
 
 
+ABSENT = "not part of this drive"
+"""Source of a number that the description leaves out."""
+
+
 def _absent(value: float, unit: str) -> Quantity:
-    return Quantity(value, unit, "not part of this drive")
+    return Quantity(value, unit, ABSENT)
 
 
 @dataclass(frozen=True)
@@ -337,7 +341,7 @@ def load_robot(path: str | Path) -> Robot:
     path = Path(path)
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    except (FileNotFoundError, IsADirectoryError):
         raise RobotError("no such file", remedy="Give the path of a robot description", source=str(path)) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RobotError(f"not a TOML file ({error})", remedy="docs/robots.md shows one", source=str(path)) from None
@@ -351,14 +355,17 @@ def parse_robot(content: Mapping[str, Any], folder: Path) -> Robot:
     """A robot from the content of its description; `folder` is where a body's file is looked up."""
     sources, shared = content.get("sources", {}), content.get("drive", {})
     body = _need(content, "body")
-    tables = content.get("joint") or _joints_of_file(body, folder) or _need(content, "joint")
+    tables = content.get("joint") or _joints_of_file(body, folder)
     if not isinstance(tables, list):
         raise RobotError("joint is no list of tables", remedy="Head each joint by [[joint]]")
     joints = tuple(_parse_joint(table, number, shared, sources) for number, table in enumerate(tables, start=1))
     coupling = content.get("coupling")
+    rigid_body = _parse_body(body, folder, tuple(joint.name for joint in joints), sources)
+    if "file" in body:
+        _check_kinds(joints, body, folder)
     return Robot(
         name=_need(content, "name"),
-        body=_parse_body(body, folder, tuple(joint.name for joint in joints), sources),
+        body=rigid_body,
         joints=joints,
         coupling=None if coupling is None else tuple(tuple(float(item) for item in row) for row in coupling),
     )
@@ -433,12 +440,29 @@ def _parse_joint(table: Mapping[str, Any], number: int, shared: Mapping[str, Any
 
 
 def _joints_of_file(table: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
-    """What a body's file says of its joints, if there is one: name, kind and limits."""
+    """What a body's file says of its joints: name, kind and limits. Raises RobotError where there is none."""
     if "file" not in table:
-        return []
+        raise RobotError("the description has no entry joint", remedy="docs/robots.md shows one")
     from envs.mjcf import joints_of_file
 
-    return joints_of_file(folder / table["file"])
+    path = folder / table["file"]
+    found = joints_of_file(path)
+    if not found:
+        raise RobotError(
+            "the body has no joint that moves", remedy="Give it a hinge or a slide, in MJCF or URDF", source=str(path)
+        )
+    return found
+
+
+def _check_kinds(joints: tuple[Joint, ...], table: Mapping[str, Any], folder: Path) -> None:
+    """Refuses a joint that turns in the body's file and slides in the description, or the other way."""
+    kinds = {item["name"]: item["kind"] for item in _joints_of_file(table, folder)}
+    for joint in joints:
+        if joint.kind != kinds[joint.name]:
+            raise RobotError(
+                f"joint {joint.name} is {joint.kind}, but {kinds[joint.name]} in {table['file']}",
+                remedy="Correct one of them",
+            )
 
 
 def _parse_body(
@@ -467,6 +491,8 @@ def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
 
 
 def _check_sign(name: str, quantity: Quantity, *, strict: bool) -> None:
+    if strict and quantity.value == 0.0 and quantity.source == ABSENT:
+        raise RobotError(f"{name} is missing", remedy="Add the entry: this kind of amplifier needs it")
     if quantity.value < 0.0 or (strict and quantity.value == 0.0):
         raise RobotError(
             f"{name} is {quantity.value} {quantity.unit}".rstrip(),

@@ -42,6 +42,6 @@ def find_robot(name: str) -> Robot:
         )
     near = difflib.get_close_matches(known, robot_names(), n=1)
     raise RobotError(
-        f"there is no robot {name!r}" + (f", did you mean {near[0]}?" if near else ""),
+        f"there is no robot {name!r}" + (f" (did you mean {near[0]}?)" if near else ""),
         remedy=f"Choose one of {', '.join(robot_names())} or give the path of a description (TOML)",
     )

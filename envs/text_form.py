@@ -17,6 +17,11 @@ class TextFormError(ValueError):
     """An unreadable text form, said in one line: what is wrong and what to write instead."""
 
 
+def counted(number: int, noun: str) -> str:
+    """A number of things: 1 row, 2 rows."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
 def split_assignments(text: str, separator: str) -> dict[str, str]:
     """``a=1,b=2`` as a mapping; `separator` stands between name and value. Raises TextFormError."""
     assignments: dict[str, str] = {}

@@ -10,6 +10,7 @@ import numpy as np
 
 from envs.log import COMMAND_UNIT, PREFIX_OF, Array, Log, LogError
 from envs.log_statistics import MAD_TO_STD, jumps, quantisation_step, spikes, timing
+from envs.text_form import counted
 
 #: Fewer samples than this cannot carry an experiment.
 MINIMUM_SAMPLES = 16
@@ -93,7 +94,7 @@ def check_length(log: Log) -> None:
     """Refuses a recording with too few samples."""
     if len(log) < MINIMUM_SAMPLES:
         raise LogError(
-            f"{len(log)} samples are too few, at least {MINIMUM_SAMPLES} are needed",
+            f"the recording has {counted(len(log), 'sample')}, at least {MINIMUM_SAMPLES} are needed",
             remedy="Record for longer",
             source=log.source,
         )
@@ -106,7 +107,7 @@ def check_finite(log: Log, names: Names) -> None:
         if len(bad):
             raise LogError(
                 f"{len(bad)} of {len(values)} values are missing or not finite",
-                remedy="Remove these rows or load the file with repair",
+                remedy="Remove these rows or load the file with --repair",
                 source=log.source,
                 column=names[name],
                 row=int(bad[0]) + 1,
@@ -122,8 +123,8 @@ def check_order(log: Log, names: Names) -> None:
             row = int(rows[0])
             said = what or f"time runs backwards from {log.time[row]:.6g} to {log.time[row + 1]:.6g}"
             raise LogError(
-                f"{said} ({len(rows)} such rows)",
-                remedy="Remove or sort these rows, or load the file with repair",
+                f"{said} ({counted(len(rows), 'such row')})",
+                remedy="Remove or sort these rows, or load the file with --repair",
                 source=log.source,
                 column=names["t"],
                 row=row + 2,
@@ -134,7 +135,7 @@ def check_order(log: Log, names: Names) -> None:
         row = int(np.argmax(np.abs(intervals - median)))
         raise LogError(
             f"time is irregular: intervals from {intervals.min():.3g} to {intervals.max():.3g}, median {median:.3g}",
-            remedy="Record at a constant rate, or load the file with repair (interpolates to a regular clock)",
+            remedy="Record at a constant rate, or load the file with --repair (interpolates to a regular clock)",
             source=log.source,
             column=names["t"],
             row=row + 2,
@@ -254,7 +255,7 @@ def check_wrap(position: Array, name: str, log: Log, names: Names) -> None:
         if len(rows) and rest.max(initial=0.0) < 0.25 * turn:
             raise LogError(
                 f"the angle jumps by a full turn ({turn:.4g} {unit})",
-                remedy="Unwrap it, or load the file with repair",
+                remedy="Unwrap it, or load the file with --repair",
                 source=log.source,
                 column=names[name],
                 row=int(rows[0]) + 2,
@@ -278,8 +279,9 @@ def clock_findings(log: Log, names: Names) -> Iterator[Finding]:
     elif gaps:
         yield Finding(
             "gaps",
-            f"about {clock.missing} samples ({clock.missing / (len(log) + clock.missing):.1%}) are missing in {gaps} "
-            f"gaps, the longest {1e3 * clock.largest_gap:.3g} ms, the first after row {int(clock.gap_rows[0]) + 1}",
+            f"about {counted(clock.missing, 'sample')} ({clock.missing / (len(log) + clock.missing):.1%}) missing in "
+            f"{counted(gaps, 'gap')}, the longest {1e3 * clock.largest_gap:.3g} ms, the first after row "
+            f"{int(clock.gap_rows[0]) + 1}",
         )
 
 
@@ -317,8 +319,8 @@ def spike_findings(values: Array, name: str) -> Iterator[Finding]:
     if len(rows):
         yield Finding(
             "spikes",
-            f"{name} has {len(rows)} single-sample spike{'s' if len(rows) > 1 else ''}, the first in row "
-            f"{int(rows[0]) + 1}; repair replaces them",
+            f"{name} has {counted(len(rows), 'single-sample spike')}, the first in row "
+            f"{int(rows[0]) + 1}; --repair replaces them",
         )
 
 

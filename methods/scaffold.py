@@ -22,10 +22,11 @@ def scaffold(kind: Kind, name: str, folder: Path) -> tuple[Path, Path]:
 
     Raises RegistryError for a name that is no name or is taken, FileExistsError when one of the files is there.
     """
+    one = "an effect" if kind == "effect" else "a method"
     if re.fullmatch("[a-z][a-z0-9_]*", name) is None or keyword.iskeyword(name):
-        raise RegistryError(f"{name!r} is no name for a {kind}. Write words in lower case, joined by underscores")
+        raise RegistryError(f"{name!r} is no name for {one}. Write words in lower case, joined by underscores")
     if name in taken(kind):
-        raise RegistryError(f"there is a {kind} {name!r} already. Choose another name")
+        raise RegistryError(f"there is {one} {name!r} already. Choose another name")
     files = {folder / f"{name}.py": f"{kind}.py.txt", folder / f"test_{name}.py": f"test_{kind}.py.txt"}
     check_folder(folder)
     for path in files:

@@ -325,6 +325,9 @@ def test_wrong_column_maps(entry: str, complaint: str, tmp_path: Path) -> None:
         ("[joints.1]\nspeed = 3", "unknown entry speed"),
         ('[joints.1]\ninput = "pressure"', "input = 'pressure'"),
         ("[joints.1]\nencoder_step = -1", "not a positive number"),
+        ("[joints.2]\nencoder_step = 0.1", "[joints.2] speaks of a joint that the log does not hold (it holds 1)"),
+        ("[joints.elbow]\nencoder_step = 0.1", "Correct its number"),
+        ('[columns]\ni2 = { column = "v1", unit = "A" }', "columns.i2 belongs to joint 2, which has no position"),
         ('[rows]\nwhere = "on"', "there is no such column"),
     ],
 )
@@ -334,6 +337,11 @@ def test_wrong_sidecars(sidecar: str, complaint: str, tmp_path: Path) -> None:
     with pytest.raises(LogError) as caught:
         load(path)
     assert complaint in str(caught.value)
+
+
+def test_a_folder_is_no_column_map(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="this is a folder, not a column map"):
+        load(write_csv(tmp_path / "log.csv", swing()), tmp_path)
 
 
 def test_rows_where_a_drive_was_on(tmp_path: Path) -> None:

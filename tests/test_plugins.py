@@ -384,6 +384,8 @@ def test_new_method_overwrites_nothing(
         error = capsys.readouterr().err
         assert reason in error
         assert error.count("\n") == 1
+    assert run("new-effect", "Mine", "--out", str(tmp_path), monkeypatch=monkeypatch) == 2
+    assert "is no name for an effect" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["test_mine.py"]
     assert (tmp_path / "test_mine.py").read_text() == "kept"
     assert sorted(path.name for path in TEMPLATES.iterdir()) == [

@@ -110,6 +110,35 @@ def test_a_free_base_is_refused(tmp_path: Path) -> None:
         find_robot(str(tmp_path / "arm.toml"))
 
 
+FIXED = URDF.replace('type="revolute"', 'type="fixed"')
+
+
+@pytest.mark.parametrize(
+    ("body", "description", "complaint"),
+    [
+        (URDF, SHARED.replace('"torque"', '"current"', 1), "joint 1.drive: motor_constant is missing. Add the entry"),
+        (FIXED, SHARED, "arm.urdf: the body has no joint that moves"),
+        (None, SHARED, "arm.urdf: no such file. Give the path of an MJCF or URDF file"),
+        ("<robot", SHARED, "MuJoCo refuses the description: unclosed token: line 1, column 0. Correct this element"),
+        (URDF, DRIVES.replace('"revolute"', '"prismatic"'), "joint shoulder is prismatic, but revolute in arm.urdf"),
+    ],
+)
+def test_the_cause_is_said_once(body: str | None, description: str, complaint: str, tmp_path: Path) -> None:
+    if body is not None:
+        (tmp_path / "arm.urdf").write_text(body)
+    (tmp_path / "arm.toml").write_text(description.format(file="arm.urdf", amplifier="voltage"))
+    with pytest.raises(RobotError) as caught:
+        find_robot(str(tmp_path / "arm.toml"))
+    assert complaint in str(caught.value)
+    assert str(caught.value).count("MuJoCo refuses") == complaint.count("MuJoCo refuses")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_robot_that_is_misspelt() -> None:
+    with pytest.raises(RobotError, match=r"there is no robot 'adeptonee' \(did you mean adeptone\?\)\. Choose"):
+        find_robot("adeptonee")
+
+
 def test_continuous_joints_have_one_coordinate_in_pinocchio(tmp_path: Path) -> None:
     limit = '<limit lower="-2" upper="2" effort="10" velocity="5"/>'
     turning = URDF.replace('type="revolute"', 'type="continuous"').replace(limit, "")

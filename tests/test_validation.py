@@ -134,7 +134,7 @@ BAD: dict[str, tuple[Callable[[Columns], None], str, str | None, int | None]] = 
     "full turns": (wrap, "the angle jumps by a full turn", "q1", None),
     "position stands still": (lambda c: c["q1"].fill(0.1), "the signal is constant (0.1): nothing moves", "q1", None),
     "command stands still": (lambda c: c["v1"].fill(0.0), "nothing is commanded", "v1", None),
-    "too few samples": (keep(slice(0, 15)), "15 samples are too few", None, None),
+    "too few samples": (keep(slice(0, 15)), "the recording has 15 samples, at least 16", None, None),
 }
 
 
@@ -251,6 +251,17 @@ def test_no_file_and_a_folder(tmp_path: Path) -> None:
         load(tmp_path)
 
 
+def test_one_is_no_plural(tmp_path: Path) -> None:
+    columns = {name: values[:1] for name, values in swing().items()}
+    with pytest.raises(LogError, match="the recording has 1 sample, at least"):
+        load(write(tmp_path / "log.csv", columns))
+    path = write(tmp_path / "log.csv", swing())
+    path.write_text(path.read_text() + "1\n")
+    with pytest.raises(LogError, match=r"1 cell where .* load it with --repair"):
+        load(path)
+    assert "1 row with missing or surplus cells left out" in load_with_findings(path, repair=True)[1][0].text
+
+
 def test_stated_units_are_believed(tmp_path: Path) -> None:
     columns = swing()
     columns["q1"] *= 60.0
@@ -287,7 +298,7 @@ class TestFindings:
         columns = {name: np.delete(values, lost) for name, values in columns.items()}
         (finding,) = check(log_of(columns))
         assert finding.kind == "gaps"
-        assert "about 8 samples (2.0%) are missing" in finding.text
+        assert "about 8 samples (2.0%) missing in 8 gaps" in finding.text
 
     def test_spikes(self) -> None:
         columns = swing()

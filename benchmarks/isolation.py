@@ -25,6 +25,7 @@ from typing import Any
 import psutil
 
 from benchmarks.worker import GIB, Job, Questions, answers, describe, hear, serve
+from methods.registry import RegistryError
 
 SLOW_LIBRARIES = ("torch", "pysindy", "mujoco")
 """Imported by the server only where a contestant of the run needs them."""
@@ -138,7 +139,7 @@ def attempt(job: Job, questions: Questions, budget_seconds: float) -> Outcome:
 def describe_methods(plugin: str | None, seconds: float = 120.0) -> list[dict[str, Any]]:
     """The methods of the project and of one plugin file; a plugin's code runs in a child only.
 
-    Raises ValueError, in one line, when the plugin cannot be loaded.
+    Raises RegistryError, in one line, when the plugin cannot be loaded.
     """
     process, pipe = _start(describe)
     watch = Watch(process, 4.0)
@@ -149,12 +150,12 @@ def describe_methods(plugin: str | None, seconds: float = 120.0) -> list[dict[st
     except (EOFError, ConnectionError):
         process.join(1.0)
         _, reason = watch.verdict or ("", f"it ends the interpreter: {_ending(process.exitcode)}")
-        raise ValueError(f"{plugin or 'an installed plugin'} cannot be loaded: {reason}. Mend it") from None
+        raise RegistryError(f"{plugin or 'an installed plugin'} cannot be loaded: {reason}. Mend it") from None
     finally:
         pipe.close()
         watch.stop()
     if report["status"] != "ok":
-        raise ValueError(report["reason"])
+        raise RegistryError(report["reason"])
     return report["methods"]
 
 

@@ -45,7 +45,7 @@ def run(
     workers: cells at once on this machine. scheduler: address of a Dask scheduler that takes the work instead.
     retry: rows that did not end well are computed again.
 
-    Raises RegistryError or ValueError, in one line, for unknown names and plugins that cannot be loaded.
+    Raises RegistryError, in one line, for unknown names and plugins that cannot be loaded.
     """
     cells = plan(tasks, methods, seeds)
     run_cells(cells, store, workers=workers, scheduler=scheduler, progress=progress, retry=retry)
@@ -152,7 +152,7 @@ def find_tasks(names: Iterable[str]) -> list[tuple[TaskReference, Task]]:
 def find_contestants(methods: Iterable[str | Method]) -> list[Contestant]:
     """Contestants by name, file or specification, without running a plugin's code in this process.
 
-    Raises RegistryError for an unknown name, ValueError for a plugin that cannot be loaded.
+    Raises RegistryError for an unknown name and for a plugin that cannot be loaded.
     """
     own: dict[str, Contestant] | None = None
     found: list[Contestant] = []

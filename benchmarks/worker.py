@@ -32,6 +32,7 @@ import numpy as np
 
 from envs.log import Array, Hold, Log
 from methods.base import Cause, Fit, Method, MethodError, Model, Motion, State, Status
+from methods.plugins import build_method
 from methods.registry import METHODS, RegistryError
 
 REFUSED = ("envs.plant", "benchmarks", "diagnosis.blind")
@@ -200,7 +201,7 @@ def describe(pipe: Connection) -> None:
             found.append(
                 {
                     "label": entry.name,
-                    "key": repr(entry.factory()),
+                    "key": repr(build_method(entry)),
                     "tags": sorted(entry.tags),
                     "source": module.__file__,
                     "plugin": module.__name__.startswith("adeptone_plugin_"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -290,3 +291,40 @@ def test_unusable_input_is_refused(plugin: Path) -> None:
         check.check("tiny", ["mine.py"], Path("ref"), progress=False)
     with pytest.raises(CheckError, match="no suite 'nothing'"):
         check.check("nothing", [], Path("ref"), progress=False)
+
+
+NO_METHOD = "from methods.registry import METHODS\n\n@METHODS.register('wrong')\nclass Wrong:\n    {}\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "complaint"),
+    [
+        ("nothere", None, "is not a file"),
+        ("syntax", "def x(:", "SyntaxError"),
+        ("absent", "import no_such_package", "No module named 'no_such_package'"),
+        ("nothing", "x = 1", "registers no method"),
+        ("no_method", NO_METHOD.format("pass"), "not a methods.base.Method"),
+        ("no_default", NO_METHOD.format("def __init__(self, price): ..."), "Give every field a default"),
+    ],
+)
+@pytest.mark.parametrize("command", [["check", "--reference", "ref"], ["run", "--task", "joint1_clean"]])
+def test_an_unusable_method_file_is_one_line_and_status_2(
+    command: list[str],
+    name: str,
+    content: str | None,
+    complaint: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    if content is not None:
+        Path(f"{name}.py").write_text(content, encoding="utf-8")
+    monkeypatch.setattr(sys, "argv", ["adeptone", "bench", *command, "--method", f"{name}.py"])
+    with pytest.raises(SystemExit) as caught:
+        adeptone.main()
+    error = capsys.readouterr().err
+    assert caught.value.code == 2
+    assert complaint in error
+    assert error.startswith("adeptone: ")
+    assert error.count("\n") == 1

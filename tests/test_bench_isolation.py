@@ -12,6 +12,7 @@ import pytest
 from benchmarks.runner import find_contestants, run
 from benchmarks.store import Store
 from benchmarks.worker import compiling
+from methods.registry import RegistryError
 from tests.bench_plugins import method, task
 
 BAD = {
@@ -118,7 +119,7 @@ def test_nothing_is_left_running(table: pd.DataFrame) -> None:
 
 def test_a_plugin_that_ends_the_interpreter_at_import_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "kamikaze.py").write_text("import os; os._exit(7)")
-    with pytest.raises(ValueError, match=r"kamikaze\.py cannot be loaded: it ends the interpreter: exit status 7"):
+    with pytest.raises(RegistryError, match=r"kamikaze\.py cannot be loaded: it ends the interpreter: exit status 7"):
         find_contestants([str(tmp_path / "kamikaze.py")])
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,6 +22,7 @@ from benchmarks.reference import Run, Trial
 from benchmarks.runner import plan
 from benchmarks.suites import SUITES, Suite
 
+ROOT = Path(__file__).resolve().parents[1]
 TASKS = tuple(f"task{k}" for k in range(8))
 METHODS = ("physics", "network", "runaway")
 
@@ -196,6 +199,24 @@ def test_the_workflow_is_a_workflow() -> None:
     text = workflow()
     assert "adeptone bench check --suite quick" in text
     assert "\t" not in text
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/checks.md"])
+def test_the_pages_lead_to_the_workflow(page: str, tmp_path: Path) -> None:
+    """Their lines fit the workflow's names, say where adeptone comes from, and write into a folder that is there."""
+    blocks = re.findall(r"```\w*\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
+    lines = [line for block in blocks for line in block.splitlines()]
+    settings = dict(re.findall(r"(METHOD|REFERENCE): (\S+)", workflow()))
+    made = f"adeptone bench check --method {settings['METHOD']} --reference {settings['REFERENCE']} --update"
+    assert f"uv run {made}" in lines
+    [address] = [line for line in lines if line.startswith("uv add ")]
+    assert address in workflow()
+    assert lines.index(address) < lines.index(f"uv run {made}")
+    [printed] = [block for block in blocks if "bench workflow" in block]
+    last_two = printed.splitlines()[-2:]
+    commands = "\n".join(last_two).replace("uv run adeptone bench workflow", "echo the workflow")
+    subprocess.run(["bash", "-e", "-c", commands], cwd=tmp_path, check=True)
+    assert (tmp_path / ".github" / "workflows" / "accuracy.yml").read_text() == "the workflow\n"
 
 
 TASK = '''

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from envs.excitation import REGISTRY, parse
 from envs.log import Log
 from envs.log_files import save
 from methods.base import State
@@ -46,3 +48,46 @@ def test_a_saved_model_is_simulated_inverted_and_put_into_the_environment(
     exec(play, names)
     assert names["environment"].unwrapped.simulator.held == (2, 3, 4)
     assert np.all(np.isfinite(names["observation"]))
+
+
+def rows(page: str, columns: int) -> list[list[str]]:
+    """The cells of all table rows of a page that have so many columns, without heads."""
+    lines = re.findall(r"^\| (.*) \|$", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
+    cells = [[cell.strip() for cell in line.split("|")] for line in lines]
+    return [row for row in cells if len(row) == columns and row[0] != "kind"]
+
+
+def test_every_excitation_is_described_with_its_parameters_and_defaults() -> None:
+    assert {kind for kind, _ in rows("docs/excitations.md", 2)} == {f"`{name}`" for name in REGISTRY}
+    told = {(kind, parameter): default for kind, parameter, default, *_ in rows("docs/excitations.md", 5)}
+    shared = {"joints": "all", "amplitude": "all but `fourier_series`", "offset": "all but `fourier_series`"}
+    known = {}
+    for name, kind in REGISTRY.items():
+        for item in dataclasses.fields(kind):
+            if item.name != "robot":
+                known[shared.get(item.name, f"`{name}`"), f"`{item.name}`"] = (name, item.name, item.default)
+    assert set(told) == set(known)
+    for place, (name, parameter, default) in known.items():
+        if default in (None, ()):
+            assert "`" not in told[place], place
+        else:
+            assert getattr(parse(f"{name}:{parameter}={told[place].strip('`')}"), parameter) == default, place
+
+
+def test_a_proposed_experiment_becomes_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    [example] = examples("docs/excitations.md")
+    exec(example, {})
+    written = Path("experiment.csv").read_text(encoding="utf-8")
+    assert written.startswith("t,v1\n0,0\n0.001,0.0016\n")
+    time, command = np.loadtxt("experiment.csv", delimiter=",", skiprows=1, unpack=True)
+    assert np.allclose(np.diff(time), 1e-3)
+    assert np.max(np.abs(command)) == 2.0
+    assert np.allclose(command[:15000], command[5000:], atol=1e-6)
+
+
+def test_the_lines_of_excitations_are_read() -> None:
+    page = (ROOT / "docs/excitations.md").read_text(encoding="utf-8")
+    block = page.split("```\n")[1]
+    assert [parse(line).joints for line in block.splitlines()] == [(1,), (1,), (1, 2)]
+    assert parse("steps:levels=0+1+0+-1").levels == (0.0, 1.0, 0.0, -1.0)  # type: ignore[attr-defined]

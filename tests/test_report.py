@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,6 +43,7 @@ from diagnosis.result import (
 from diagnosis.text import describe, enumerated, gain, joint_sentence, table
 from methods.effects import built_in
 
+ROOT = Path(__file__).resolve().parents[1]
 HOSTILE = '<script>alert("1")</script> $x_{ & \' "onmouseover="x'
 VERDICTS = tuple(MEANING)
 
@@ -215,6 +217,16 @@ def test_every_verdict_is_a_readable_page(verdict: str) -> None:
     assert ("the noise floor is that of the encoder alone" in page.text) == (bool(diagnosis.joints) and not sure)
     assert "None" not in page.text
     assert not re.search(r"\bnan\b", page.text)
+
+
+def test_a_proposed_experiment_has_its_unit_and_the_place_where_it_is_explained() -> None:
+    diagnosis = example("ambiguous")
+    assert diagnosis.next_experiment is not None
+    part = Page(render(diagnosis)).text.split("The next experiment")[1]
+    assert diagnosis.next_experiment.excitation in part
+    assert f"amplitude and offset in {diagnosis.joints[0].command_unit}, times in s, bands in Hz" in part
+    [page] = re.findall(r"docs/\w+\.md", part)
+    assert "A proposed experiment" in (ROOT / page).read_text(encoding="utf-8")
 
 
 def test_the_page_fetches_nothing() -> None:

@@ -224,7 +224,8 @@ def fit(
 ) -> Fitted:
     """Levenberg-Marquardt on the innovations; the whitening filter is renewed between rounds and, if `renewed`, after.
 
-    Such a filter also moves with the parameters in every step (`whitening.Absorption`). Sensitivities serve for several
+    Such a filter also moves with the parameters in every step (`whitening.Absorption`). Where renewed filters do not
+    keep what moved ones promised, the fit ends where it was best when one was renewed. Sensitivities serve for several
     steps, as long as these get on; iterations: how often a round computes them. tolerance: relative decrease of the
     mean square below which a round ends. known: sensitivities (K, T, n) of the first K parameters, taken for constant,
     in a fit of one round that only has to tell hypotheses apart.
@@ -241,9 +242,13 @@ def fit(
     systems: list[tuple[Array, Array | None]] = []
     filter_ = filter_ or whitener(problem, error)
     scale = scaled = np.ones(0)
+    lowest, kept = np.inf, (point, error, filter_)
     for turn in range(rounds):
         if turn:
             filter_ = whitener(problem, error)
+        reached = misfit(problem, point, error, filter_)
+        if reached < lowest:
+            lowest, kept = reached, (point, error, filter_)
         left, jacobian = iterations, None
         for _ in range(ATTEMPTS * iterations):
             if slopes is None or age >= REUSED:
@@ -301,7 +306,18 @@ def fit(
                 age = REUSED
     if renewed:
         filter_ = whitener(problem, error)
+    if misfit(problem, point, error, filter_) > lowest:
+        (point, error, filter_), slopes = kept, None
     return finish(problem, point, error, filter_, count, known, slopes if age <= 1 else None)
+
+
+def misfit(problem: Problem, point: Point, error: Array, filter_: Whitener) -> float:
+    """`Fitted.criterion` of the errors (T, n) behind a filter."""
+    innovation = filter_(error).reshape(problem.joints, -1)
+    spread = np.mean((innovation if problem.credible(error) else error.T) ** 2, axis=1)
+    known = sum(((x - f.centre) / f.deviation) ** 2 for f, x in zip(point.free, point.vector, strict=True))
+    fitted = innovation.shape[1] * np.sum(np.log(spread + rounding_floor(problem)))
+    return float(fitted + np.sum(filter_.log_determinant) + known)
 
 
 def _systems(

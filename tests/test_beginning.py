@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from diagnosis.beginning import HEAT, TWIST, TWIST_RATE, beginnings_settled, heats, started, twists
 from diagnosis.engine import find
-from diagnosis.estimation import Point, errors, fit, sensitivities
+from diagnosis.estimation import Point, errors, fit, misfit, sensitivities
 from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.nominal import JointStructure, fit_nominal, point_at
 from diagnosis.parameters import JointUnits, effect_parameters
@@ -206,9 +206,20 @@ def test_forms_of_a_law_that_exclude_each_other_are_all_fitted_until_they_conver
         point = extend(problem, base.point, start.hypothesis, start.values)
         return score(problem, base, start, fit(problem, point, rounds=1, iterations=iterations))
 
-    first = [rough(power, [0.2, 60.0], 2), rough(steady, [0.3, 6.0], 12)]
+    first = [rough(power, [0.15, 40.0], 2), rough(steady, [0.3, 6.0], 12)]
     assert 0.5 < first[0].evidence / first[1].evidence < 0.9
     known = sensitivities(problem, base.point, base.error)
     best = _converged(problem, base, first, {}, 3, known, None)[0]
     assert best.name == "thermal_drift"
     assert best.evidence > first[1].evidence + 12.0
+
+
+def test_no_fit_ends_where_its_renewed_filter_does_worse_than_the_one_that_it_began_with() -> None:
+    problem = stack(KERNEL, [warmed(1, 0.0), warmed(2, 0.0)], (1,))
+    base = fit_nominal(problem, (JointStructure(),))
+    for values in ([0.1, 4.0], [0.2, 30.0], [0.1, 10.0]):
+        start = Start(Hypothesis(NAMED["thermal_drift"], 0), np.tile(values, (2, 1)), 0.0)
+        first = fit(problem, extend(problem, base.point, start.hypothesis, start.values), rounds=1, iterations=2)
+        again = fit(problem, first.point, first.whitener, rounds=2, iterations=4)
+        assert again.criterion <= first.criterion
+        assert first.criterion == pytest.approx(misfit(problem, first.point, first.error, first.whitener), rel=1e-12)

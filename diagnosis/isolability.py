@@ -3,7 +3,8 @@
 Every effect is put into the final model at a trial size; its whitened response is freed of what nominal parameters and
 the effects already named can imitate. The energy that is left, over the variance of the innovations, is the expected
 decrease of -2 log likelihood (the noncentrality of the likelihood-ratio test); an effect that is x times as large has
-x^2 times that energy. Two effects are told apart by the part of one response that lies outside the span of the other's.
+x^2 times that energy. What is large enough for that may still be put down to inexact laws of the effects that are
+there. Two effects are told apart by the part of one response that lies outside the span of the other's.
 
 Source: L. Ljung, System Identification, 1999, section 16; the angle between subspaces is that of G. Golub, C. Van Loan,
 Matrix Computations, section 6.4.
@@ -16,13 +17,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.choice import least_beside
 from diagnosis.estimation import Fitted, Point, errors, finish
 from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.problem import Problem
 from diagnosis.replay import stretch
 from diagnosis.result import Confusable, Isolability
-from diagnosis.settings import Settings
+from diagnosis.settings import TYPICAL, Settings
 from diagnosis.whitening import on_logs
 from envs.log import Array
 from methods.effects.base import Effect, Scales
@@ -32,8 +34,6 @@ STRETCH = 10.0
 """Length of the stretch of the first log on which responses are computed [s]; the rest is taken to be like it."""
 SHAPES = 2
 """Trial shapes per effect: the easiest and the hardest to see of its starting values bound the answer."""
-TYPICAL = 0.05
-"""Share of the command's rms that an effect's torque has when two effects are asked to be told apart."""
 ROUNDING = 1e-9
 """Share of a response's energy below which what the nominal parameters leave of it is what arithmetic leaves."""
 
@@ -82,7 +82,7 @@ def isolability(
             rows.append(Isolability(effect.name, joint, None, None, None, None))
             continue
         price = effect.size * np.log(count)
-        size = float(np.sqrt((settings.threshold + price) / (response.energy * ratio)))
+        size = least_size(response, response.energy * ratio, price, finding, j, settings)
         apart = {name: own for name, own in zip(best, degrees[effect.name], strict=True) if name != effect.name}
         nearest = min(apart, key=lambda name: apart[name], default=None)
         rows.append(
@@ -103,6 +103,21 @@ def isolability(
                 if key not in pairs or own < pairs[key].separation:
                     pairs[key] = Confusable(effect.name, name, joint, own)
     return tuple(rows), tuple(sorted(pairs.values(), key=lambda pair: pair.separation))
+
+
+def least_size(response: Response, energy: float, price: float, finding: Finding, j: int, settings: Settings) -> float:
+    """Least multiple of its trial size from which an effect on joint index j would be taken.
+
+    It has to be more than noise, and than what the search puts down to inexact laws of the effects that are there
+    (`diagnosis.choice.least_beside`), unless it explains a good part of all. energy: of its response in all logs.
+    """
+    explained = finding.nominal.criterion - finding.final.criterion if finding.accepted else 0.0
+    known = (settings.threshold + price) / energy
+    certain = float(np.sqrt(max(known, settings.minor * explained / energy)))
+    evidence = energy * certain**2 - price
+    beside = least_beside(response.effect, j, evidence, finding.accepted, settings) / max(response.share, 1e-300)
+    large = np.sqrt(max(known, settings.inexact * explained / energy))
+    return min(max(certain, beside), max(float(large), settings.faint / max(response.share, 1e-300)))
 
 
 def on_stretch(part: Problem, fitted: Fitted) -> Fitted:

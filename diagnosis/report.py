@@ -30,6 +30,7 @@ from diagnosis.result import (
     Series,
     SignalDependence,
 )
+from diagnosis.settings import TYPICAL
 from diagnosis.text import enumerated, joint_sentence
 
 SIGNIFICANT = 1e-3
@@ -42,19 +43,25 @@ MEANING = {
     "none": "The model is good: what the refitted nominal model leaves is noise, and no known effect would improve it.",
     "named": "Every named effect is significant, and no other known effect can take its place.",
     "ambiguous": "An effect is missing, but these logs cannot tell the listed names apart.",
-    "unknown": "Something real is left that no known effect explains; the signals that it depends on are stated.",
+    "unknown": "Something real is left that no known effect explains; what is known of it is stated.",
 }
 
 
 @dataclass(frozen=True, eq=False)
 class EffectPage:
-    """One named effect with its figures and formula."""
+    """One named effect with its figures and formula.
+
+    moved: whether its evidence beside all other effects is another than when it was taken. beaten: whether another
+    hypothesis had more then.
+    """
 
     effect: NamedEffect
     law: Markup | None
     wide: bool
     evidence: Markup
     formula: Markup
+    moved: bool
+    beaten: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +118,7 @@ def render(diagnosis: Diagnosis) -> str:
         MEANING=MEANING,
         ALIKE=ALIKE,
         PAIRS=PAIRS,
+        TYPICAL=TYPICAL,
         RAN_AWAY=RAN_AWAY,
     )
     with report_style():
@@ -186,12 +194,15 @@ def effect_page(joint: JointResult, effect: NamedEffect, threshold: float, slug:
     considered = effect.considered or (itself, *effect.alternatives)
     rivals = [other.name for other in effect.alternatives]
     part = next((part for part in joint.partial_residuals if part.effect == effect.name), None)
+    then = next((other.evidence.net for other in considered if other.name == effect.name), effect.evidence.net)
     return EffectPage(
         effect=effect,
         law=None if part is None else _partial(joint, part, f"{slug}law"),
         wide=part is not None and part.continuous,
         evidence=Markup(ranking(considered, effect.name, rivals, threshold, f"{slug}evidence")),
         formula=Markup(equation(effect.equation, f"{slug}formula")),
+        moved=abs(then - effect.evidence.net) > 0.01 * abs(effect.evidence.net),
+        beaten=any(other.evidence.net > then for other in considered),
     )
 
 

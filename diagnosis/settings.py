@@ -8,6 +8,8 @@ LENGTH = 60_000
 """Samples of all logs with which one simulation counts as one of the budget."""
 SHORTEST = 0.5
 """What one of short logs counts."""
+TYPICAL = 0.05
+"""Share of the command's rms that an effect's torque has when two effects are asked to be told apart."""
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,7 @@ def table(diagnosis: Diagnosis, width: int = 100) -> str:
     console.print(diagnosis.sentence, markup=False)
     if diagnosis.effects:
         sure = any(joint.effects and joint.verdict != "unknown" for joint in diagnosis.joints)
-        heading = "named effects" if sure else "effects that explain a part"
+        heading = "named effects" if sure else "effects that explain a part; they may stand in for what is missing"
         grid = Table(title=heading, title_justify="left", box=None)
         for head in ("joint", "effect", "parameters", "evidence", "alternatives"):
             grid.add_column(head)

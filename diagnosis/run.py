@@ -85,6 +85,8 @@ SHOWN_LOGS = 5
 """Fitted logs whose signals are kept for plots."""
 OTHER_SCALE, ALIKE = 4.0, 2.0
 """Factor between all found and stated parameters that speaks of another scale, and how far they may differ in it."""
+LINES = 15.0
+"""Seconds between lines on what is going on, where no terminal shows it."""
 Tell = Callable[[str], None]
 
 
@@ -150,14 +152,14 @@ def diagnose_files(
     out = Path(out)
     check_folder(out)
     effects = vocabulary(plugins)
-    with Console(stderr=True).status("reading logs") as status:
+    console = Console(stderr=True, highlight=False)
+    with console.status("reading logs") as status:
+        tell = status.update if console.is_terminal else in_lines(console.print)
         started = clock.perf_counter()
         read = recordings(logs, holdout, robot, columns, repair)
         seconds = {"reading": clock.perf_counter() - started}
-        diagnosis, model, twin = diagnose(
-            read, joint, effects=effects, rivals=rivals, tell=status.update, seconds=seconds
-        )
-        status.update("writing the report")
+        diagnosis, model, twin = diagnose(read, joint, effects=effects, rivals=rivals, tell=tell, seconds=seconds)
+        tell("writing the report")
         write_atomically(
             {
                 out / "diagnosis.json": to_json(diagnosis).encode(),
@@ -167,6 +169,21 @@ def diagnose_files(
             }
         )
     return table(diagnosis)
+
+
+def in_lines(write: Tell, seconds: float = LINES) -> Tell:
+    """Tells where no terminal shows what is going on: a line with the time so far, when so long has passed since the
+    last one."""
+    began = last = clock.perf_counter()
+
+    def tell(text: str) -> None:
+        nonlocal last
+        now = clock.perf_counter()
+        if now - last >= seconds:
+            write(f"{now - began:.0f} s: {text}")
+            last = now
+
+    return tell
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # as in `diagnosis.engine`

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -970,3 +971,18 @@ class Named:
     @property
     def label(self) -> str:
         return self.effect.label
+
+
+def test_without_a_terminal_a_line_now_and_then_says_what_is_going_on() -> None:
+    from diagnosis.run import in_lines
+
+    said: list[str] = []
+    tell = in_lines(said.append, 0.2)
+    for text in ("at once", "at once again"):
+        tell(text)
+    assert said == []
+    time.sleep(0.25)
+    for text in ("later", "right after that"):
+        tell(text)
+    assert len(said) == 1
+    assert said[0].endswith(" s: later")

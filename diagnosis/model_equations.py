@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 
 from diagnosis.result import JointResult, NamedEffect
@@ -23,6 +24,8 @@ ARM = r"J r\,\ddot q_l = F"
 """How an arm behind a spring moves."""
 RESISTING = (r"\tau_f", r"\tau_c", r"\tau_d", r"\tau_g", r"\tau")
 """Left-hand sides of laws that resist the motion, and so join the equation of motion on its left."""
+FIRST, LAST = "input_delay", "amplifier_lag"
+"""Effects on the command that act before and after all others."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,23 @@ def _laws(effects: tuple[NamedEffect, ...]) -> list[tuple[str | None, Formula]]:
             symbol = rf"\tau_{{{letter}{sides[: index + 1].count(side)}}}"
             tex = tex.replace(f"{side} =", f"{symbol} =", 1)
         found.append((symbol, Formula(tex, effect.name)))
-    return found
+    return _chained(effects, found)
+
+
+def _chained(
+    effects: tuple[NamedEffect, ...], laws: list[tuple[str | None, Formula]]
+) -> list[tuple[str | None, Formula]]:
+    """The laws with those of the amplifier in the order in which the command u passes them: each takes what the one
+    before gives, and the last one gives v_a."""
+    chain = [i for i, effect in enumerate(effects) if effect.stage == "amplifier" and "v_a" in effect.equation]
+    chain.sort(key=lambda i: (effects[i].name == LAST) - (effects[i].name == FIRST))
+    for place, i in enumerate(chain):
+        given = f"v_{place}" if place else "u"
+        made = "v_a" if place == len(chain) - 1 else f"v_{place + 1}"
+        side, formula = laws[i]
+        tex = re.sub(r"(?<![A-Za-z\\])v(?![A-Za-z_])", given, formula.tex).replace("v_a", made)
+        laws[i] = side, replace(formula, tex=tex)
+    return laws
 
 
 def _side(equation: str) -> str:

@@ -412,6 +412,25 @@ def test_laws_that_share_a_symbol_are_numbered() -> None:
     assert lines[-1].startswith(r"\tau_{f2} =")
 
 
+def test_the_command_passes_the_effects_of_the_amplifier_one_by_one() -> None:
+    joint = joint_result(1, "named", "log")
+    laws = {e.name: e.equation for e in built_in()}
+
+    def lines(*names: str) -> list[str]:
+        own = replace(joint.effects[0], stage="amplifier")
+        effects = tuple(replace(own, name=name, equation=laws[name]) for name in names)
+        return [formula.tex for formula in model_equations(replace(joint, effects=effects))][-len(names) :]
+
+    assert lines("dead_zone") == [
+        laws["dead_zone"].replace("v - v_0", "u - v_0").replace("(v)", "(u)").replace("|v|", "|u|")
+    ]
+    assert lines("amplifier_lag", "amplifier_offset", "input_delay") == [
+        r"T\,\dot v_a + v_a = v_2",
+        "v_2 = v_1 + v_{off}",
+        "v_1(t) = u(t - T_d)",
+    ]
+
+
 @pytest.mark.parametrize(
     ("value", "std", "unit", "text"),
     [

@@ -150,7 +150,7 @@ def test_no_view_takes_an_offset_for_noise() -> None:
     candidates = [(NAMED["amplifier_offset"], 0)]
     filtered, bare = (starts[0] for starts in proposals(problem, views, candidates, sizes_of(problem, nominal)))
     assert min(bare.promise, filtered.promise) > 100.0
-    assert bare.values[0, 0] == pytest.approx(0.1, rel=0.05)
+    assert bare.values[0, 0] == pytest.approx(0.1, rel=0.1)  # to first order, from where a fit begins
 
 
 def test_known_sensitivities_pass_the_filter_of_the_fit() -> None:

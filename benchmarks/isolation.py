@@ -126,8 +126,8 @@ def attempt(job: Job, questions: Questions, budget_seconds: float) -> Outcome:
         reason = "; ".join([*([fitted["reason"]] if fitted["reason"] else []), *answered["unanswered"]])
         return Outcome(fitted["status"], reason, fitted, answered, answers(fitted, answered, arrays))
     except (EOFError, ConnectionError):
-        process.join(1.0)
-        status, reason = watch.verdict or ("crashed", f"the interpreter ended: {_ending(process.exitcode)}")
+        ended = _ending(process)
+        status, reason = watch.verdict or ("crashed", f"the interpreter ended: {ended}")
         return Outcome(status, reason, fitted)
     except (ValueError, KeyError, TypeError) as error:
         return Outcome("failed", f"the answer cannot be read: {' '.join(str(error).split())}", fitted)
@@ -148,8 +148,8 @@ def describe_methods(plugin: str | None, seconds: float = 120.0) -> list[dict[st
         pipe.send(plugin)
         report, _ = hear(pipe.recv_bytes())
     except (EOFError, ConnectionError):
-        process.join(1.0)
-        _, reason = watch.verdict or ("", f"it ends the interpreter: {_ending(process.exitcode)}")
+        ended = _ending(process)
+        _, reason = watch.verdict or ("", f"it ends the interpreter: {ended}")
         raise RegistryError(f"{plugin or 'an installed plugin'} cannot be loaded: {reason}. Mend it") from None
     finally:
         pipe.close()
@@ -166,8 +166,7 @@ def call(function: Callable[..., Any], *arguments: Any) -> Any:
         pipe.send_bytes(pickle.dumps((function, arguments)))
         good, result = pipe.recv()
     except (EOFError, ConnectionError):
-        process.join(1.0)
-        raise RuntimeError(f"{function.__name__} ended the interpreter: {_ending(process.exitcode)}") from None
+        raise RuntimeError(f"{function.__name__} ended the interpreter: {_ending(process)}") from None
     finally:
         pipe.close()
         kill(process)
@@ -261,7 +260,11 @@ def _resident(pid: int | None, *, descendants: bool) -> int:
         return 0
 
 
-def _ending(code: int | None) -> str:
+def _ending(process: ForkServerProcess) -> str:
+    """How a child ended. A start asks after all children, too, and only who asks first is told."""
+    with _SERVER.lock:
+        process.join(1.0)
+        code = process.exitcode
     if code is None:
         return "unknown"
     if code < 0:

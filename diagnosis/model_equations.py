@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, replace
 
 from diagnosis.result import JointResult, NamedEffect
+from methods.effects import built_in
 
 GRAVITY = (("gravity_sine", r"G_s \sin q"), ("gravity_cosine", r"G_c \cos q"), ("load", "L"))
 SYMBOLS = {
@@ -104,10 +105,13 @@ def _laws(effects: tuple[NamedEffect, ...]) -> list[tuple[str | None, Formula]]:
 def _chained(
     effects: tuple[NamedEffect, ...], laws: list[tuple[str | None, Formula]]
 ) -> list[tuple[str | None, Formula]]:
-    """The laws with those of the amplifier in the order in which the command u passes them: each takes what the one
-    before gives, and the last one gives v_a."""
+    """The laws with those of the amplifier in the order in which the command u passes them, which between the first and
+    the last is that of their forms' names (`methods.effects.vocabulary`): each takes what the one before gives, and the
+    last one gives v_a."""
+    forms = {form.equation: form.name for form in built_in()}
+    turn = lambda e: ((e.name == LAST) - (e.name == FIRST), forms.get(e.equation, e.name))  # noqa: E731
     chain = [i for i, effect in enumerate(effects) if effect.stage == "amplifier" and "v_a" in effect.equation]
-    chain.sort(key=lambda i: (effects[i].name == LAST) - (effects[i].name == FIRST))
+    chain.sort(key=lambda i: turn(effects[i]))
     for place, i in enumerate(chain):
         given = f"v_{place}" if place else "u"
         made = "v_a" if place == len(chain) - 1 else f"v_{place + 1}"

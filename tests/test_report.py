@@ -429,6 +429,7 @@ def test_the_command_passes_the_effects_of_the_amplifier_one_by_one() -> None:
         "v_2 = v_1 + v_{off}",
         "v_1(t) = u(t - T_d)",
     ]
+    assert [line.partition(" =")[0] for line in lines("dead_zone", "amplifier_offset")] == ["v_a", "v_1"]
 
 
 @pytest.mark.parametrize(

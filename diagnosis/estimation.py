@@ -156,13 +156,7 @@ class Fitted:
         What is known of parameters beforehand is part of it. A simulation that ran away counts with its errors as
         they are: from one another they could be predicted perfectly.
         """
-        spread = self.variances if self.credible else np.mean(self.error**2, axis=0)
-        count = self.samples // len(self.variances)
-        known = sum(
-            ((x - f.centre) / f.deviation) ** 2 for f, x in zip(self.point.free, self.point.vector, strict=True)
-        )
-        began = float(np.sum(self.whitener.log_determinant))
-        return float(count * np.sum(np.log(spread + self.floor)) + began + known)
+        return _criterion(self.point, self.error, self.innovation, self.whitener, self.floor, self.credible)
 
     @property
     def total(self) -> float:
@@ -246,7 +240,7 @@ def fit(
     for turn in range(rounds):
         if turn:
             filter_ = whitener(problem, error)
-        reached = misfit(problem, point, error, filter_)
+        reached = criterion_at(problem, point, error, filter_)
         if reached < lowest:
             lowest, kept = reached, (point, error, filter_)
         left, jacobian = iterations, None
@@ -306,18 +300,22 @@ def fit(
                 age = REUSED
     if renewed:
         filter_ = whitener(problem, error)
-    if misfit(problem, point, error, filter_) > lowest:
+    if criterion_at(problem, point, error, filter_) > lowest:
         (point, error, filter_), slopes = kept, None
     return finish(problem, point, error, filter_, count, known, slopes if age <= 1 else None)
 
 
-def misfit(problem: Problem, point: Point, error: Array, filter_: Whitener) -> float:
-    """`Fitted.criterion` of the errors (T, n) behind a filter."""
-    innovation = filter_(error).reshape(problem.joints, -1)
-    spread = np.mean((innovation if problem.credible(error) else error.T) ** 2, axis=1)
+def criterion_at(problem: Problem, point: Point, error: Array, filter_: Whitener) -> float:
+    """`Fitted.criterion` of errors (T, n) behind a filter, without sensitivities."""
+    return _criterion(point, error, filter_(error), filter_, rounding_floor(problem), problem.credible(error))
+
+
+def _criterion(point: Point, error: Array, innovation: Array, filter_: Whitener, floor: Array, credible: bool) -> float:
+    rows = innovation.reshape(len(filter_.coefficients), -1)
+    spread = np.mean(rows**2, axis=1) if credible else np.mean(error**2, axis=0)
     known = sum(((x - f.centre) / f.deviation) ** 2 for f, x in zip(point.free, point.vector, strict=True))
-    fitted = innovation.shape[1] * np.sum(np.log(spread + rounding_floor(problem)))
-    return float(fitted + np.sum(filter_.log_determinant) + known)
+    began = float(np.sum(filter_.log_determinant))
+    return float(rows.shape[1] * np.sum(np.log(spread + floor)) + began + known)
 
 
 def _systems(

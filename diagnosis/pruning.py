@@ -226,9 +226,10 @@ def general(
         is_weak = item.scored.evidence <= settings.weak
         if not is_weak and len(accepted) < 2:
             continue
-        smaller, there = without(problem, base, item), elsewhere(held_out, base)
+        smaller = without(problem, base, item)
         if not is_weak and smaller.criterion - base.criterion > small:
             continue
+        there = elsewhere(held_out, base)
         is_there = not is_weak or happens(held_out, there.point, item.effect, item.joint)
         if not is_there or deviance(held_out, smaller) < misfit(there):
             accepted, base = [other for other in accepted if other is not item], smaller

@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from envs.units import UnitError, convert, plain
+from envs.units import NO_UNIT, UnitError, convert, plain
 
 Units = Mapping[str, tuple[str, ...]]
 
-UNSTATED = ("", "1", "-")
-"""Ways to write that a number has no unit; it is then in the standard one."""
 LINK_UNITS: Units = {
     "length": ("m",),
     "mass": ("kg",),
@@ -61,7 +59,7 @@ def in_standard_unit(value: float, unit: str, expected: tuple[str, ...]) -> tupl
     Raises UnitError for a unit that is not understood or that has none of the expected dimensions.
     """
     written = plain(unit)
-    if written in UNSTATED or written in expected or not expected:
+    if written in NO_UNIT or written in expected or not expected:
         return value, unit
     refusal = None
     for standard in expected:

@@ -361,7 +361,7 @@ def parse_robot(content: Mapping[str, Any], folder: Path) -> Robot:
     joints = tuple(_parse_joint(table, number, shared, sources) for number, table in enumerate(tables, start=1))
     coupling = content.get("coupling")
     rigid_body = _parse_body(body, folder, tuple(joint.name for joint in joints), sources)
-    if "file" in body:
+    if "file" in body and content.get("joint"):
         _check_kinds(joints, body, folder)
     return Robot(
         name=_need(content, "name"),
@@ -455,7 +455,7 @@ def _joints_of_file(table: Mapping[str, Any], folder: Path) -> list[dict[str, An
 
 
 def _check_kinds(joints: tuple[Joint, ...], table: Mapping[str, Any], folder: Path) -> None:
-    """Refuses a joint that turns in the body's file and slides in the description, or the other way."""
+    """Refuses a joint that turns in the body's file and slides in its own description, or the other way."""
     kinds = {item["name"]: item["kind"] for item in _joints_of_file(table, folder)}
     for joint in joints:
         if joint.kind != kinds[joint.name]:

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from envs.log import LogError
-from envs.units import is_unit, plain
+from envs.units import NO_UNIT, is_unit, plain
 from envs.validation import Finding
 
 COMMENTS = ("#", "%")
 """What a line that is no data begins with, above the header. Some programs write the header itself like this."""
-NO_UNIT = ("", "-", "1")
-"""What stands for no unit in a row of units."""
 
 
 @dataclass(frozen=True)

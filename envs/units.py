@@ -59,6 +59,8 @@ EXPRESSION = re.compile(r"(?!.*\*\*)(?!.*\^(?!-?[1-4](?![\w.^])))[A-Za-zµ%_0-9.
 """What a unit may be written with; powers are those of units."""
 SIGNS = str.maketrans({"°": "deg", "·": " ", "²": "^2", "Ω": "ohm", "\u2126": "ohm", "μ": "µ"})
 """Signs of data sheets, and how the vocabulary writes them."""
+NO_UNIT = ("", "-", "1")
+"""Ways to write that a number has no unit."""
 
 
 class UnitError(ValueError):

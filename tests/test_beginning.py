@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from diagnosis.beginning import HEAT, TWIST, TWIST_RATE, beginnings_settled, heats, started, twists
 from diagnosis.engine import find
-from diagnosis.estimation import Point, errors, fit, misfit, sensitivities
+from diagnosis.estimation import Point, criterion_at, errors, fit, sensitivities
 from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.nominal import JointStructure, fit_nominal, point_at
 from diagnosis.parameters import JointUnits, effect_parameters
@@ -222,4 +222,6 @@ def test_no_fit_ends_where_its_renewed_filter_does_worse_than_the_one_that_it_be
         first = fit(problem, extend(problem, base.point, start.hypothesis, start.values), rounds=1, iterations=2)
         again = fit(problem, first.point, first.whitener, rounds=2, iterations=4)
         assert again.criterion <= first.criterion
-        assert first.criterion == pytest.approx(misfit(problem, first.point, first.error, first.whitener), rel=1e-12)
+        assert first.criterion == pytest.approx(
+            criterion_at(problem, first.point, first.error, first.whitener), rel=1e-12
+        )

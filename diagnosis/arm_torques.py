@@ -24,8 +24,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from diagnosis.problem import LIMIT, bandwidth, centred, segments, smooth_derivatives, start_window
+from diagnosis.problem import LIMIT, centred, segments, smooth_derivatives
 from diagnosis.replay import rms
+from diagnosis.smoothing import window
 from envs.log import Array, Log
 from envs.robot import Robot
 from methods.arm import described_body, full_states
@@ -48,10 +49,6 @@ MOVING = 0.2
 """Share of the samples that has to be left."""
 ROUNDS = 5
 """Times that the noise of that is estimated anew."""
-SMOOTHED = 0.1
-"""Longest local cubics that give velocities and accelerations, in periods of the fastest motion."""
-NOISE = 0.01
-"""Noise of the accelerations, as a share of their rms, that is aimed at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +91,9 @@ def arm_torques(robot: Robot | None, logs: Sequence[Log], joint: int, pose: Arra
     theta = inertial_parameters(body)
     unit = robot.joint(joint).drive.input_equivalent
     parts = [part for log in logs for part in segments(log, LIMIT // len(logs))]
-    plain = ArmTorques(body, joint, pose, np.eye(len(theta)), unit, window(parts))
+    plain = ArmTorques(
+        body, joint, pose, np.eye(len(theta)), unit, window([(part.time, part.position) for part in parts])
+    )
     rows_of = [filtered(plain, part) for part in parts]
     own, regressor, torque = (np.concatenate([found[i] for found in rows_of]) for i in range(3))
     rows = slice(None, None, max(1, len(torque) // LEARNED))
@@ -155,27 +154,6 @@ def updated(
         variance = float(np.mean((target - design @ z) ** 2))
     # the directions that these logs do not excite stay as described, and do not act on them
     return theta + deviation * (z @ shapes), (deviation * shapes).T @ np.linalg.cholesky(covariance)
-
-
-def window(logs: Sequence[Log]) -> float:
-    """Length of the smoothing window [s]: the shortest whose accelerations are good to NOISE, at most a share of the
-    period of the frequency that holds 95 % of the velocities' power, of the joint that asks for most of both.
-
-    A local cubic over N samples of time step h gives accelerations of variance ``720 s^2 / (N^5 h^4)`` from readings
-    with noise s, which shows in what the shortest cubic leaves.
-    """
-    fastest, least = 0.0, 0.0
-    for log in logs:
-        h = log.sample_time
-        smooth, velocity, acceleration = smooth_derivatives(log.time, log.position, start_window(h))
-        noise = np.std(log.position - smooth_derivatives(log.time, log.position, 7 * h)[0], axis=0)
-        fastest = max(fastest, *(bandwidth(log.time, column) for column in velocity.T))
-        wanted = NOISE * np.std(acceleration, axis=0) + 1e-300
-        samples = (720.0 * noise**2 / (h**4 * wanted**2)) ** 0.2
-        moving = np.ptp(smooth, axis=0) > 0.1 * np.max(np.ptp(smooth, axis=0))
-        least = max(least, float(np.max(samples[moving])) * h)
-    longest = SMOOTHED / max(fastest, 0.4)
-    return max(min(least, longest), 8 * logs[0].sample_time)
 
 
 def uncertainty(theta: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from diagnosis.arm_torques import UNCERTAIN
 from diagnosis.estimation import Fitted, Point, fit, predicted_motion
 from diagnosis.pair_start import PairStart, pair_start
 from diagnosis.problem import Free, Problem, Stamps, centred, evenly, free_velocity, smooth_derivatives
+from diagnosis.smoothing import window
 from diagnosis.timing import timing_settled
 from envs.log import Array, InputKind
 from methods.effects.base import Effect
@@ -81,11 +83,14 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
     rows: list[list[Array]] = [[] for _ in range(n)]
     sides: list[list[Array]] = [[] for _ in range(n)]
     motion: list[tuple[Array, ...]] = []
-    for start, stop in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
-        time, u = problem.time[start:stop], problem.command[start:stop]
+    spans = [slice(*span) for span in pairwise(problem.bounds.tolist())]
+    seconds = max(0.02, 8 * problem.sample_time)
+    if problem.pair:  # noise hides what the joints do to one another
+        seconds = max(seconds, window([(problem.time[span], problem.reading[span]) for span in spans]))
+    for span in spans:
+        time, u = problem.time[span], problem.command[span]
         held = centred(u, int(problem.hold[0]))
-        seconds = max(0.02, 8 * problem.sample_time)
-        q, dq, ddq = smooth_derivatives(time, problem.reading[start:stop], seconds)
+        q, dq, ddq = smooth_derivatives(time, problem.reading[span], seconds)
         side = smooth_derivatives(time, held, seconds)[0]
         motion.append((q, dq, ddq, side))
         for j in range(n):
@@ -94,7 +99,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
                 columns += [np.sin(q[:, j]), np.cos(q[:, j])]
             columns += [] if beside is None else torques_of(beside, q[:, j], dq[:, j])
             rows[j].append(np.stack(columns, axis=1))
-            sides[j].append(side[:, j] - (problem.neighbour[start:stop, j, 3] if problem.arm else 0.0))
+            sides[j].append(side[:, j] - (problem.neighbour[span, j, 3] if problem.arm else 0.0))
     solutions = []
     for j in range(n):
         matrix, target = np.concatenate(rows[j]), np.concatenate(sides[j])

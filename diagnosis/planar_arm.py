@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from diagnosis.estimation import Fitted, fit
+from diagnosis.estimation import Fitted, Point, fit
 from diagnosis.hypotheses import Hypothesis, extend
-from diagnosis.nominal import Gravity, JointStructure, fit_nominal, least_squares
+from diagnosis.nominal import Gravity, JointStructure, fit_nominal, least_squares, point_at
 from diagnosis.problem import Problem, smooth_derivatives, stack
 from diagnosis.search import try_all
+from diagnosis.smoothing import window
 from envs.log import Array, Log
 from envs.robot import Robot
 from methods.effects import compiled_with
@@ -29,8 +30,9 @@ PLENTY = 20_000
 AHEAD = 30.0
 """Lead in -2 log likelihood, each parameter paid for, by which two joints are an arm."""
 SMALL = 0.02
-"""Dry friction, as a share of the command's rms, from which its fit begins."""
-FRICTION = "coulomb_friction"
+"""Dry friction and offset, as a share of the command's rms, from which their fit begins."""
+BESIDE = ("coulomb_friction", "amplifier_offset")
+"""What joints often have beside an arm's coupling, and what would hide it."""
 NEIGHBOUR = "axis_coupling"
 """What else one joint may do to another: torques in proportion to its motion and command."""
 
@@ -65,7 +67,7 @@ def planar_pair(
     In such an arm the second joint's angle changes how the joints' motions act on one another. Where a regression shows
     that in both joints (`in_commands`), it is an arm; noise hides it in the derivatives of the readings. It also is one
     where its nominal model predicts the logs better than two joints that act on one another in proportion to their
-    motions and commands: by AHEAD, with ln N paid for every parameter, and with dry friction or without it.
+    motions and commands: by AHEAD, with ln N paid for every parameter, and with what is BESIDE or without it.
     """
     if any(log.facts[log.index(joint)].position_unit != "rad" for log in logs for joint in joints):
         return None
@@ -77,19 +79,20 @@ def planar_pair(
         if sum(map(len, chosen)) < PLENTY:
             chosen.append(log)
     kernel = build(compiled_with(effects))
-    dry = [effect for effect in effects if effect.name == FRICTION]
+    beside = [effect for effect in effects if effect.name in BESIDE]
     coupling = [(effect, 0) for effect in effects if effect.name == NEIGHBOUR]
     kinds: list[Gravity] = ["none", "pendulum"] if any(is_heavy for _, is_heavy in seen) else ["none"]
 
+    def fits(problem: Problem, own: tuple[JointStructure, ...]) -> list[Fitted]:
+        return [fit_nominal(problem, own), with_all(problem, point_at(problem, own).point, beside)]
+
     def together(kind: Gravity) -> tuple[float, Gravity]:
         problem = stack(kernel, chosen, joints, pair=True)
-        fitted = fit_nominal(problem, tuple(replace(own, gravity=kind) for own in structures))
-        return min(cost(fitted), *(cost(with_friction(problem, fitted, effect)) for effect in dry)), kind
+        return min(map(cost, fits(problem, tuple(replace(own, gravity=kind) for own in structures)))), kind
 
     def alone(item: tuple[int, JointStructure]) -> float:
         problem = stack(kernel, chosen, (item[0],))
-        bare = [fit_nominal(problem, (replace(item[1], gravity=kind),)) for kind in kinds]
-        found = [*bare, *(with_friction(problem, fitted, effect) for fitted in bare for effect in dry)]
+        found = [fitted for kind in kinds for fitted in fits(problem, (replace(item[1], gravity=kind),))]
         coupled = [scored.fitted for fitted in found for scored in try_all(problem, fitted, coupling)[:1]]
         return min(map(cost, [*found, *coupled]))
 
@@ -104,27 +107,26 @@ def cost(fitted: Fitted) -> float:
     return fitted.criterion + len(fitted.point.free) * float(np.log(fitted.samples))
 
 
-def with_friction(problem: Problem, fitted: Fitted, friction: Effect) -> Fitted:
-    """The model with dry friction in all joints: what one joint of an arm leaves unexplained disturbs the other."""
-    point = fitted.point
+def with_all(problem: Problem, point: Point, effects: Sequence[Effect]) -> Fitted:
+    """The model with these effects in all joints: what one joint of an arm leaves unexplained disturbs the other."""
     for j in range(problem.joints):
         size = SMALL * float(np.sqrt(np.mean(problem.command[:, j] ** 2)))
-        point = extend(problem, point, Hypothesis(friction, j), np.full((problem.logs, friction.size), size))
-    return fit(problem, point, rounds=2, iterations=8)
+        for effect in effects:
+            point = extend(problem, point, Hypothesis(effect, j), np.full((problem.logs, effect.size), size))
+    return fit(problem, point, rounds=3, iterations=12)
 
 
 def in_commands(log: Log, first: int, second: int) -> tuple[bool, bool]:
     """Whether an arm's coupling and its gravity explain a good part of the commands of both joints.
 
     They are regressed on the joint's own motion, on gravity, linearly on the other's motion and command, and on the
-    coupling terms ``cos q2 (2 q1'' + q2'') - sin q2 (2 q1' q2' + q2'^2)`` and ``cos q2 q1'' + sin q2 q1'^2``, which
-    have to have the sign of an inertia.
+    coupling terms ``cos q2 (2 q1'' + q2'') - sin q2 (2 q1' q2' + q2'^2)`` and ``cos q2 q1'' + sin q2 q1'^2``, all
+    through the same smoothing. These have to have the sign of an inertia.
     """
     columns = [log.index(first), log.index(second)]
     position, command = log.position[:, columns], log.command[:, columns]
-    seconds = max(0.03, 8 * log.sample_time)
+    seconds = window([(log.time, position)])
     q, dq, ddq = smooth_derivatives(log.time, position, seconds)
-    u = smooth_derivatives(log.time, command, seconds)[0]
     c, s = np.cos(q[:, 1]), np.sin(q[:, 1])
     coupling = (
         c * (2 * ddq[:, 0] + ddq[:, 1]) - s * (2 * dq[:, 0] * dq[:, 1] + dq[:, 1] ** 2),
@@ -136,16 +138,18 @@ def in_commands(log: Log, first: int, second: int) -> tuple[bool, bool]:
 
     def regression(terms: list[Array], target: Array) -> tuple[float, float]:
         """Coefficient of the last term, and the sum of squares that is left."""
-        matrix = np.stack(terms, axis=1)[inner]
-        solution = least_squares(matrix, target[inner])
-        return float(solution[-1]), float(np.sum((target[inner] - matrix @ solution) ** 2))
+        matrix, wanted = (
+            smooth_derivatives(log.time, item, seconds)[0][inner] for item in (np.stack(terms, axis=1), target)
+        )
+        solution = least_squares(matrix, wanted)
+        return float(solution[-1]), float(np.sum((wanted - matrix @ solution) ** 2))
 
     is_arm = is_heavy = True
     for j in range(2):
         own = [ddq[:, 0], ddq[:, 1], dq[:, 0], dq[:, 1], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12))]
-        own += [np.ones(len(q)), u[:, 1 - j]]
+        own += [np.ones(len(q)), command[:, 1 - j]]
         pull = [*weight[0], *weight[1]] if j == 0 else weight[1]
-        inertia, arm = regression([*own, *pull, coupling[j]], u[:, j])
-        is_arm &= inertia > 0.0 and arm <= TELLING * regression([*own, *pull], u[:, j])[1]
-        is_heavy &= arm < TELLING * regression([*own, coupling[j]], u[:, j])[1]
+        inertia, arm = regression([*own, *pull, coupling[j]], command[:, j])
+        is_arm &= inertia > 0.0 and arm <= TELLING * regression([*own, *pull], command[:, j])[1]
+        is_heavy &= arm < TELLING * regression([*own, coupling[j]], command[:, j])[1]
     return is_arm, is_heavy

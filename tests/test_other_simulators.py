@@ -16,6 +16,7 @@ from diagnosis.estimation import fit
 from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.planar_arm import in_commands
 from diagnosis.preparation import groups
 from diagnosis.problem import stack
 from envs.log import JointFacts, Log
@@ -294,22 +295,29 @@ kind = "revolute"
 """
 
 
-def two_links(seed: int, friction: float) -> Log:
+def two_links(
+    seed: int, friction: float, *, offset: float = 0.0, noise: float = 0.0, gravity: float = 9.81, elbow: float = 1.0
+) -> Log:
     """A double pendulum in MuJoCo, driven in both joints, with dry friction in the second."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(TWO_LINKS)
+    model.opt.gravity[2] = -gravity
+    model.body_mass[2], model.body_inertia[2] = elbow * model.body_mass[2], elbow * model.body_inertia[2]
     data, rng, dt = mujoco.MjData(model), np.random.default_rng(seed), 4e-3
     time = dt * np.arange(1500)
     waves = np.outer(time, np.linspace(0.2, 4.0, 12) * (1.0 + 0.07 * seed))
-    command = np.stack([a * np.cos(2 * np.pi * waves + rng.uniform(0, 6.28, 12)).sum(axis=1) for a in (0.9, 0.25)], 1)
+    command = np.stack(
+        [a * np.cos(2 * np.pi * waves + rng.uniform(0, 6.28, 12)).sum(axis=1) for a in (0.9, 0.25 * elbow)], 1
+    )
     reading = np.empty((len(time), 2))
     for k, u in enumerate(command):
-        reading[k], data.ctrl = data.qpos, u
+        reading[k], data.ctrl = data.qpos, u + np.array([offset, 0.0])
         for _ in range(4):
             data.qfrc_applied[1] = -friction * math.tanh(data.qvel[1] / 0.02)
             mujoco.mj_step(model, data)
     step = 2.0 * np.pi / 65536
+    reading += noise * rng.standard_normal(reading.shape)
     facts = (JointFacts(input="torque", position_unit="rad", encoder_step=step),) * 2
     return Log(time, command, step * np.round(reading / step), (1, 2), facts=facts, name=f"log {seed}")
 
@@ -330,3 +338,12 @@ def test_two_links_are_one_arm_in_which_the_joint_with_friction_is_told(tmp_path
     fitted = fit(problem, point, rounds=2, iterations=8)
     torque = [fitted.point.value(f"{friction.name}.torque@{joint}") for joint in (0, 1)]
     assert torque == pytest.approx([0.0, 0.15], abs=0.003)
+
+
+def test_an_offset_does_not_hide_an_arm() -> None:
+    """A light second link shows in no regression on derivatives, and an offset hides it from the nominal model."""
+    log = two_links(0, 0.0, offset=0.8, noise=3e-4, gravity=0.0, elbow=0.05)
+    assert not any(in_commands(log, 1, 2))
+    ((joints, structures),) = groups([log], (1, 2), None, EFFECTS)
+    assert joints == (1, 2)
+    assert [item.gravity for item in structures] == ["none", "none"]

@@ -8,9 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from diagnosis.arm_torques import ArmTorques, arm_torques, window
+from diagnosis.arm_torques import ArmTorques, arm_torques
 from diagnosis.preparation import arrange, moving_joints, pose
 from diagnosis.run import diagnose
+from diagnosis.smoothing import window
 from envs.log import Array, JointFacts, Log
 from envs.pinocchio_model import inertial_parameters
 from envs.robots import find_robot
@@ -133,4 +134,5 @@ def test_smoothing_is_as_short_as_the_noise_allows(logs: list[Log]) -> None:
             log.joints, facts=log.facts, name=log.name)
         for log in logs
     ]  # fmt: skip
-    assert 8 * DT <= window(logs) < window(rough) <= 0.25
+    short, long = (window([(log.time, log.position) for log in noisy]) for noisy in (logs, rough))
+    assert 8 * DT <= short < long <= 0.25

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from diagnosis.ledger import WINDOW, closed, quantiles, resampled, simulated
+from diagnosis.nominal import Gravity
 from diagnosis.problem import Problem, bounded
 from diagnosis.replay import in_blocks, rms, window_width
 from diagnosis.result import LedgerRow
@@ -24,6 +25,12 @@ from methods.regressor import HORIZONTAL, VERTICAL, ColumnName
 
 BAND = 30.0
 """Bandwidth of the differentiator [Hz], less for logs of a low rate."""
+COLUMNS: dict[Gravity, tuple[ColumnName, ...]] = {
+    "none": HORIZONTAL,
+    "constant": VERTICAL,
+    "pendulum": (*HORIZONTAL, "sine", "cosine"),
+}
+"""Columns of the regression, by what gravity does to the joint in the nominal model."""
 SAMPLES = 30_000
 """Samples of the fitted logs that the networks learn from, about."""
 
@@ -51,16 +58,16 @@ def rival_rows(
     scale: tuple[float, float],
     rng: np.random.Generator,
     *,
-    constant_load: bool,
+    gravity: Gravity,
     networks: bool,
 ) -> list[LedgerRow]:
-    """One row per contestant for one joint of the held-out problem; scale: (before, noise floor) of the gap."""
+    """One row per contestant for one joint of the held-out problem; gravity: what it does to the joint; scale: (before,
+    noise floor) of the gap."""
     band = min(BAND, 0.2 / problem.sample_time)
     smooth = BandLimited(bandwidth=band)
     logs, unseen = [log.joint(joint) for log in fitted], [log.joint(joint) for log in held_out]
-    columns = VERTICAL if constant_load else HORIZONTAL
     rows = []
-    for name, method in methods(smooth, columns, sum(map(len, logs)), networks=networks).items():
+    for name, method in methods(smooth, COLUMNS[gravity], sum(map(len, logs)), networks=networks).items():
         try:
             fit = method.fit(logs, rng)
             rows.append(_row(name, fit.model, unseen, smooth, joint, scale, rng))

@@ -455,14 +455,12 @@ def compared(
     if solved.compensators[j] is None:
         reason = solved.no_compensator or "what is left of this joint follows no signal of the logs"
         rows_.append(LedgerRow(joint, "+ compensator", "compensator", None, None, None, note=reason))
-    gravity = solved.structures[j].gravity == "constant"
+    gravity = solved.structures[j].gravity
     scale = (own_gap.before, own_gap.noise_floor)
     fitted, held_out = (
         [part for log in own for part in segments(log, LIMIT // len(own))] for own in (read.fitted, read.held_out)
     )
-    return rows_ + rival_rows(
-        fitted, held_out, solved.held_out, joint, scale, rng, constant_load=gravity, networks=networks
-    )
+    return rows_ + rival_rows(fitted, held_out, solved.held_out, joint, scale, rng, gravity=gravity, networks=networks)
 
 
 def first_choice(proposals: Sequence[NextExperiment], results: Sequence[JointResult]) -> NextExperiment | None:

@@ -21,7 +21,7 @@ from diagnosis.beginning import started, with_phases
 from diagnosis.estimation import covariance, errors, fit
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.ledger import closed, failures, floor_of
-from diagnosis.nominal import COLUMN, JointStructure, fit_nominal
+from diagnosis.nominal import COLUMN, Gravity, JointStructure, fit_nominal
 from diagnosis.output import to_json
 from diagnosis.parameters import HEAT, REFERENCE, canonical, heat
 from diagnosis.planar_arm import in_commands, planar_pair
@@ -878,7 +878,7 @@ def test_rivals_that_fail_stay_in_the_table() -> None:
 
     read = read_of(model_of({}))
     problem = stack(solved_of(read, "dead_zone").problem.kernel, read.held_out, (1,))
-    arguments = {"constant_load": False, "networks": False}
+    arguments = {"gravity": "none", "networks": False}
     rng = np.random.default_rng(0)
     (row,) = rival_rows(read.fitted, read.held_out, problem, 1, (1.0, 0.0), rng, **arguments)
     # the joint is linear: least squares with the jerk's column describes it
@@ -888,6 +888,22 @@ def test_rivals_that_fail_stay_in_the_table() -> None:
     assert row.window_error is None
     assert "too few" in row.note
     assert row.step == "least squares"
+
+
+def test_least_squares_has_the_gravity_of_the_nominal_model() -> None:
+    from diagnosis.rivals import rival_rows
+
+    hanging = {**NOMINAL, "gravity_sine": 0.4, "gravity_cosine": 0.2}
+    read = read_of(StructuredModel((StructuredJoint(1, "voltage", hanging, {}),), DT))
+    problem = stack(solved_of(read, "dead_zone").problem.kernel, read.held_out, (1,))
+
+    def error(gravity: Gravity) -> float:
+        rng = np.random.default_rng(0)
+        (row,) = rival_rows(read.fitted, read.held_out, problem, 1, (1.0, 0.0), rng, gravity=gravity, networks=False)
+        assert row.window_error is not None
+        return row.window_error
+
+    assert error("pendulum") < 1e-3 < 0.05 < error("none")
 
 
 def test_saved_logs_give_the_same_diagnosis(tmp_path: Path, with_friction: tuple) -> None:

@@ -317,11 +317,17 @@ class JointResult:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a diagnosis comes from: files with hashes, versions, settings, seconds per stage, what was noticed."""
+    """Where a diagnosis comes from: files with hashes, versions, settings, seconds per stage, what was noticed.
+
+    robot, robot_sha256: name of the description, and the hash of what it says. files: SHA-256 of the files given beside
+    logs and robot, by their paths.
+    """
 
     logs: tuple[Mapping[str, Any], ...]
     holdout: tuple[Mapping[str, Any], ...]
     robot: str | None
+    robot_sha256: str | None
+    files: Mapping[str, str]
     versions: Mapping[str, str]
     settings: Mapping[str, Any]
     seconds: Mapping[str, float]

@@ -10,6 +10,7 @@ import platform
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 
@@ -159,6 +160,8 @@ def diagnose_files(
         read = recordings(logs, holdout, robot, columns, repair)
         seconds = {"reading": clock.perf_counter() - started}
         diagnosis, model, twin = diagnose(read, joint, effects=effects, rivals=rivals, tell=tell, seconds=seconds)
+        files = {str(path): sha256(path.read_bytes()).hexdigest() for path in (columns, *plugins) if path is not None}
+        diagnosis = replace(diagnosis, provenance=replace(diagnosis.provenance, files=files))
         tell("writing the report")
         write_atomically(
             {
@@ -728,6 +731,8 @@ def provenance(read: Recordings, settings: Settings, seconds: dict[str, float], 
         logs=tuple(described(log) for log in read.fitted),
         holdout=tuple(described(log) for log in read.held_out),
         robot=None if read.robot is None else read.robot.name,
+        robot_sha256=None if read.robot is None else read.robot.content_hash,
+        files={},
         versions={"python": platform.python_version(), **{name: version(name) for name in packages}},
         settings=asdict(settings),
         seconds={name: round(value, 3) for name, value in seconds.items()},

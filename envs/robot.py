@@ -15,6 +15,7 @@ where it comes from and how far it can be trusted.
 
 from __future__ import annotations
 
+import hashlib
 import math
 import tomllib
 from collections.abc import Mapping
@@ -245,6 +246,12 @@ class Robot:
     def drives(self) -> tuple[Drive, ...]:
         """One drive per joint."""
         return tuple(joint.drive for joint in self.joints)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 over body, joints and coupling: the identity of the description, independent of its files."""
+        content = self.body.spec().to_xml() + repr((self.joints, self.coupling))
+        return hashlib.sha256(content.encode()).hexdigest()
 
     @property
     def coupling_matrix(self) -> Array:

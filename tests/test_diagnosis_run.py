@@ -194,6 +194,7 @@ def test_command_line_keeps_the_contract(
     assert gap["interval"][0] <= gap["closed"] <= gap["interval"][1]
     assert [row["step"] for row in found["ledger"]][:2] == ["nominal as given", "refit nominal parameters"]
     assert found["provenance"]["logs"][0]["sha256"] == load(plant_logs[0]).content_hash
+    assert found["provenance"]["robot_sha256"] == adept_robot().content_hash
     printed = capsys.readouterr().out
     assert " ".join(printed.split()).startswith(found["sentence"])
     mujoco.MjModel.from_xml_path(str(out / "extended_model.xml"))

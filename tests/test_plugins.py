@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
 import json
 import os
@@ -308,6 +309,8 @@ def test_an_effect_file_takes_part_in_a_diagnosis_of_files(
     arguments = ["diagnose", files[0], "--holdout", files[1], "--plugin", str(spring), "--out", str(tmp_path / "out")]
     assert run(*arguments, monkeypatch=monkeypatch) == 0
     assert "hard spring" in capsys.readouterr().out.replace("_", " ")
+    said = json.loads((tmp_path / "out" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert said["provenance"]["files"] == {str(spring): hashlib.sha256(spring.read_bytes()).hexdigest()}
     model = load_model(tmp_path / "out" / "extended_model.json", (effect,))
     assert isinstance(model, StructuredModel)
     assert list(model.parts[0].effects) == ["hard_spring"]

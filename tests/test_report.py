@@ -168,7 +168,15 @@ def example(verdict: str, joints: int = 1, log: str = "train") -> Diagnosis:
         ledger=ledger,
         next_experiment=NextExperiment(1, "multisine:amplitude=2", "sharpen the torque", "half the deviation", 2.0),
         provenance=Provenance(
-            (size,), (), "AdeptOne", {"python": "3.11"}, {"threshold": 12.0}, {"search": 3.2}, findings=(log,)
+            (size,),
+            (),
+            "AdeptOne",
+            "2f" * 32,
+            {"map.toml": "7c" * 32},
+            {"python": "3.11"},
+            {"threshold": 12.0},
+            {"search": 3.2},
+            findings=(log,),
         ),
     )
 

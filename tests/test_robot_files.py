@@ -58,6 +58,23 @@ def test_body_and_drives(file: str, body: str, amplifier: str, per_torque: float
 
 
 @pytest.mark.parametrize(
+    ("file", "body", "inertia"), [("arm.urdf", URDF, 'iyy="0.03"'), ("arm.xml", MJCF, "0.03 0.03 0.03")]
+)
+def test_a_description_is_known_by_what_it_says(file: str, body: str, inertia: str, tmp_path: Path) -> None:
+    hashes = [
+        find_robot(describe(tmp_path, file, text, amplifier)).content_hash
+        for text, amplifier in (
+            (body, "voltage"),
+            (body.replace("><", "> <"), "voltage"),
+            (body.replace(inertia, inertia.replace("0.03", "0.031", 1)), "voltage"),
+            (body, "current"),
+        )
+    ]
+    assert hashes[0] == hashes[1]
+    assert len(set(hashes)) == 3
+
+
+@pytest.mark.parametrize(
     ("old", "new"),
     [
         ('<mass value="2.0"/>', '<mass value="-2.0"/>'),

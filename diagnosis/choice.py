@@ -10,6 +10,7 @@ import numpy as np
 from diagnosis.estimation import Fitted, errors
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import PER_LOG, Start, command_response
+from diagnosis.of_motion import is_of_motion
 from diagnosis.problem import Problem
 from diagnosis.search import FORM, Scored, is_resolved, law, ranking
 from diagnosis.settings import Settings
@@ -111,17 +112,20 @@ def firm_ground_first(chosen: Accepted, nearer: list[Accepted]) -> tuple[Accepte
 
 def choose(
     problem: Problem,
+    base: Fitted,
     ranked: list[Scored],
     settings: Settings,
     explained: float,
     accepted: Sequence[Accepted] = (),
     least: float = 0.0,
 ) -> Accepted | None:
-    """The best hypothesis that is significant and material; among near equals the one with fewest parameters.
+    """The best hypothesis that is significant, material and of the motion; among near equals the one with fewest
+    parameters.
 
-    accepted: effects that are there already, whose inexact laws a small further one may repair. least: decrease of
-    -2 log likelihood that noise alone can bring. A general form of a law that is there is how to repair it, and comes
-    first where it explains half as much as another effect would: the other one is still found beside it if it is there.
+    base: the model without any of them. accepted: effects that are there already, whose inexact laws a small further
+    one may repair. least: decrease of -2 log likelihood that noise alone can bring. A general form of a law that is
+    there is how to repair it, and comes first where it explains half as much as another effect would: the other one is
+    still found beside it if it is there.
     """
     ranked = [s for s in ranked if is_resolved(problem, s) and is_steady(problem, s) and is_possible(problem, s)]
     ranked = textbook(ranked, settings.rival)
@@ -156,6 +160,9 @@ def choose(
         elif law(scored.start) not in there:
             least_share = least_beside(scored.effect, hypothesis.joint, scored.evidence, accepted, settings)
         if share >= least_share:
+            if not is_of_motion(problem, scored.fitted, base):
+                others = [s for s in ranked if s is not scored]
+                return choose(problem, base, others, settings, explained, accepted, least)
             rivals = tuple(
                 s
                 for s in ranked

@@ -325,7 +325,7 @@ class Search:
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
             ranked = with_limiting_effects(problem, path.base, ranked)
-            chosen = choose(problem, ranked, settings, explained, path.accepted, least=path.scattered)
+            chosen = choose(problem, path.base, ranked, settings, explained, path.accepted, least=path.scattered)
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
                 path = replace(path, refused=ranking(ranked), unsteady=unsteady)
@@ -354,7 +354,7 @@ class Search:
             return None
         self.tell("general forms of the laws that are there")
         ranked = try_all(self.problem, path.base, forms, needed=self.settings.threshold)
-        chosen = choose(self.problem, ranked, self.settings, explained, path.accepted, least=path.scattered)
+        chosen = choose(self.problem, path.base, ranked, self.settings, explained, path.accepted, least=path.scattered)
         if chosen is None or any(left.excess > 0.0 for left in remainders(self.problem, chosen.scored.fitted)):
             return None
         longer = self.advanced(path, chosen)
@@ -448,7 +448,7 @@ class Search:
         alike = each(lambda rival: imitating(problem, path.base, smaller, item.effect, *rival), rivals)
         ranked = try_all(problem, smaller, rivals, needed=needed)
         ranked = either(ranked, [scored for scored in alike if scored is not None])
-        best = choose(problem, ranked, settings, explained, others)
+        best = choose(problem, smaller, ranked, settings, explained, others)
         if best is None or best.scored.decrease < FORK * needed:
             return None
         longer = self.grown(self.advanced(replace(shorter, base=smaller), best))

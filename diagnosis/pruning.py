@@ -14,6 +14,7 @@ from diagnosis.estimation import Fitted, covariance, errors, fit, plain
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import proposals, sizes_of, withdraw
 from diagnosis.instants import happens
+from diagnosis.of_motion import is_of_motion
 from diagnosis.other_bases import DRY
 from diagnosis.problem import Problem
 from diagnosis.regression import View
@@ -219,7 +220,7 @@ def general(
     that one happens in one log only needs more evidence.
 
     A small one beside others counts as weak whatever its evidence: where small causes grow, or a law beside it is
-    inexact, any law that shapes the fitted motion a little finds some.
+    inexact, any law that shapes the fitted motion a little finds some. What it gains has to be of the motion, too.
     """
     small = settings.doubtful * (nominal.criterion - base.criterion)
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
@@ -231,6 +232,7 @@ def general(
             continue
         there = elsewhere(held_out, base)
         is_there = not is_weak or happens(held_out, there.point, item.effect, item.joint)
+        is_there &= is_of_motion(problem, base, smaller)
         if not is_there or deviance(held_out, smaller) < misfit(there):
             accepted, base = [other for other in accepted if other is not item], smaller
     return accepted, base

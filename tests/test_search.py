@@ -633,7 +633,7 @@ def test_a_disturbance_is_as_strong_in_every_log() -> None:
         scored = Scored(Start(hypothesis, values, 0.0), fitted, nominal.criterion - fitted.criterion, 50.0)
         assert scored.evidence > 100.0
         assert is_steady(problem, scored) == steady
-        chosen = choose(problem, [scored], Settings(), 0.0)
+        chosen = choose(problem, nominal, [scored], Settings(), 0.0)
         assert (chosen is not None) == steady
 
 
@@ -708,7 +708,7 @@ def test_a_lag_that_logs_may_be_late_by_takes_strong_evidence() -> None:
         point = extend(problem, nominal.point, hypothesis, values)
         fitted = replace(nominal, point=point, error=errors(problem, [point])[0])
         only = Scored(Start(hypothesis, values, 0.0), fitted, evidence + 10.0, 10.0)
-        return choose(problem, [only], Settings(), 0.0) is not None
+        return choose(problem, nominal, [only], Settings(), 0.0) is not None
 
     assert [is_chosen(0.3 * DT, evidence) for evidence in (40.0, 80.0)] == [False, True]
     assert is_chosen(0.7 * DT, 40.0)
@@ -1067,10 +1067,11 @@ def test_what_begins_at_an_instant_may_be_smaller_than_what_integrators_bring(
     log = record({name: values})
     exact = replace(log, facts=(JointFacts(input="voltage", position_unit="rad", encoder_step=1e-9),))
     problem = stack(KERNEL, [replace(exact, position=1e-9 * np.round(simulated({name: values}) / 1e-9))], (1,))
-    found = accepted(problem, fit_nominal(problem, (JointStructure(),)), name, list(values.values()))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    found = accepted(problem, nominal, name, list(values.values()))
     assert found.scored.evidence > Settings().weak
     assert materiality(problem, found.scored.fitted, name, 0) < Settings().faint
-    assert (choose(problem, [found.scored], Settings(), 0.0) is not None) == is_taken
+    assert (choose(problem, nominal, [found.scored], Settings(), 0.0) is not None) == is_taken
 
 
 def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_joint() -> None:
@@ -1081,16 +1082,16 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     there = lambda joint, variable, scatters=False, label="": SimpleNamespace(  # noqa: E731
         joint=joint, label=label, name=label, effect=SimpleNamespace(variable=variable, scatters=scatters)
     )
-    pick = lambda *items: choose(problem, [offset], Settings(), explained, items)  # noqa: E731
+    pick = lambda *items: choose(problem, nominal, [offset], Settings(), explained, items)  # noqa: E731
     assert pick(there(0, "velocity")) is None
     assert pick(there(1, "velocity")) is not None
-    small = partial(choose, problem, [offset], Settings(minor=1.0), explained)
+    small = partial(choose, problem, nominal, [offset], Settings(minor=1.0), explained)
     assert small((there(1, "velocity"),)) is None
     assert small((there(1, "velocity"), there(0, "velocity", label="amplifier_offset"))) is not None  # another form
     share = materiality(problem, offset.fitted, "amplifier_offset", 0)
     limits = Settings(relevant=1.5 * share)
-    assert choose(problem, [offset], limits, explained, (there(0, "velocity"),)) is not None
-    assert choose(problem, [offset], limits, explained, (there(0, "direction", True),)) is None
+    assert choose(problem, nominal, [offset], limits, explained, (there(0, "velocity"),)) is not None
+    assert choose(problem, nominal, [offset], limits, explained, (there(0, "direction", True),)) is None
     wave = NAMED["cogging_torque"]
     least = lambda effect, variable, evidence: least_beside(  # noqa: E731
         effect,
@@ -1319,7 +1320,7 @@ def test_the_law_that_is_there_is_repaired_first(evidence: float, chosen: str) -
         scored("amplifier_offset", [0.1], 100.0),
         scored("rounded_coulomb_friction", [0.3, 0.02], evidence),
     ]
-    best = choose(problem, ranked, Settings(), 0.0, [there])
+    best = choose(problem, there.scored.fitted, ranked, Settings(), 0.0, [there])
     assert best is not None
     assert best.name == chosen
 
@@ -1338,7 +1339,7 @@ def test_a_further_harmonic_is_no_repair_of_the_first() -> None:
     ):
         found = accepted(problem, there.scored.fitted, name, values).scored
         ranked.append(replace(found, decrease=evidence + found.price))
-    best = choose(problem, ranked, Settings(), 0.0, [there])
+    best = choose(problem, there.scored.fitted, ranked, Settings(), 0.0, [there])
     assert best is not None
     assert best.name == "gravity_tilt"
 
@@ -1366,11 +1367,11 @@ def test_an_effect_at_the_end_of_its_range_stands_in_for_another_one() -> None:
     problem = problem_of({"encoder_eccentricity": {"sine": 0.05, "cosine": 0.02}})
     nominal = fit_nominal(problem, (JointStructure(),))
     found = accepted(problem, nominal, "encoder_eccentricity", [0.05, 0.02]).scored
-    assert choose(problem, [found], Settings(), 0.0) is not None
+    assert choose(problem, nominal, [found], Settings(), 0.0) is not None
     parameters = found.fitted.point.parameters.copy()
     parameters[:, 0, KERNEL.column(NAMED["encoder_eccentricity"], "sine")] = -0.1
     at_end = replace(found.fitted, point=replace(found.fitted.point, parameters=parameters))
-    assert choose(problem, [replace(found, fitted=at_end)], Settings(), 0.0) is None
+    assert choose(problem, nominal, [replace(found, fitted=at_end)], Settings(), 0.0) is None
 
 
 def test_the_noise_of_a_coarse_encoder_is_no_torque() -> None:

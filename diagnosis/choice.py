@@ -170,6 +170,7 @@ def choose(
                 and s.evidence > scored.evidence - settings.rival
                 and (s.label, s.start.hypothesis.joint) != (scored.label, hypothesis.joint)
                 and scored.name not in s.effect.includes
+                and is_of_motion(problem, s.fitted, base)
             )
             return Accepted(scored, share, rivals, ranking(ranked))
     return None

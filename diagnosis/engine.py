@@ -33,6 +33,7 @@ from diagnosis.imitation import imitating
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
+from diagnosis.of_motion import is_of_motion
 from diagnosis.other_bases import also_from_regression, also_without_limits, either, settled_anew
 from diagnosis.patchwork import patchwork
 from diagnosis.problem import Problem, Work, coarser, in_band
@@ -328,7 +329,10 @@ class Search:
             chosen = choose(problem, path.base, ranked, settings, explained, path.accepted, least=path.scattered)
             if chosen is None:
                 unsteady = max((s.evidence for s in ranked if not is_steady(problem, s)), default=0.0)
-                path = replace(path, refused=ranking(ranked), unsteady=unsteady)
+                real = [
+                    s for s in ranked if s.evidence < settings.threshold or is_of_motion(problem, s.fitted, path.base)
+                ]
+                path = replace(path, refused=ranking(real), unsteady=unsteady)
                 break
             before = replace(path, forks=())
             chosen, nearer = firm_ground_first(chosen, much_closer(problem, chosen, ranked, settings))

@@ -26,7 +26,7 @@ from scipy.ndimage import minimum_filter1d
 
 from diagnosis.problem import LIMIT, centred, segments, smooth_derivatives
 from diagnosis.replay import rms
-from diagnosis.smoothing import window
+from diagnosis.smoothing import motion_of, window
 from envs.log import Array, Log
 from envs.robot import Robot
 from methods.arm import described_body, full_states
@@ -73,7 +73,7 @@ class ArmTorques:
         """``W_j`` less that of the joint's own motion (T, 10 N)."""
         from envs.pinocchio_model import torque_regressor
 
-        j, motion = self.joint - 1, smooth_derivatives(log.time, log.position, self.seconds)
+        j, motion = self.joint - 1, motion_of(log.time, log.position, self.seconds)
         every = full_states(motion, [number - 1 for number in log.joints], self.pose)
         alone = full_states([signal[:, [log.index(self.joint)]] for signal in motion], [j], self.pose)
         whole, own = (torque_regressor(self.body, *states, rows=[j])[:, 0] for states in (every, alone))

@@ -153,7 +153,8 @@ def choose(
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
         least_share = settings.material
-        if not accepted and is_foreign_to_motion(scored.effect) and scored.evidence > settings.weak:
+        beyond = problem.arm is None and is_foreign_to_motion(scored.effect)
+        if not accepted and beyond and scored.evidence > settings.weak:
             least_share = 0.0
         elif scored.decrease > settings.inexact * explained:
             least_share = settings.faint

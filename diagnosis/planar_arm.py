@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -37,23 +38,30 @@ NEIGHBOUR = "axis_coupling"
 """What else one joint may do to another: torques in proportion to its motion and command."""
 
 
-def is_planar_arm(robot: Robot, at: Array) -> bool:
+def is_planar_arm(robot: Robot, at: Array, moving: Mapping[int, tuple[float, float]] = MappingProxyType({})) -> bool:
     """True when the description's first two joints turn about parallel axes, the second link on the first.
 
     Around a pose `at` (n,), whatever both angles are: ``M11 = a + 2 p3 cos q2``, ``M12 = p2 + p3 cos q2``, ``M22 = c``.
+    moving: least and largest position of further joints that move, by number. They may change nothing of that, nor
+    couple with the two.
     """
     if any(robot.joint(number).unit != "rad" for number in (1, 2)):
         return False
     angle = 2.0 * np.pi * np.arange(12) / 12
-    places = np.tile(at, (len(angle), 1))
-    places[:, 0], places[:, 1] = at[0] + 5.0 * angle, angle
+    poses = [at]
+    for number, ends in moving.items():
+        poses += [np.where(np.arange(len(at)) == number - 1, end, at) for end in ends]
+    places = np.repeat(np.array(poses), len(angle), axis=0)
+    places[:, 0], places[:, 1] = at[0] + 5.0 * np.tile(angle, len(poses)), np.tile(angle, len(poses))
     matrix = robot.body.inertia_matrix(places)
     wave = np.stack([np.ones(len(angle)), np.cos(angle)], axis=1)
     sides = np.stack([matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 1, 1]], axis=1)
-    solution = np.linalg.lstsq(wave, sides, rcond=None)[0]
+    solution = np.linalg.lstsq(wave, sides[: len(angle)], rcond=None)[0]
     coupling = solution[1, 1]
-    model = wave @ np.array([[*solution[0]], [2.0 * coupling, coupling, 0.0]])
-    return bool(coupling != 0.0 and np.max(np.abs(sides - model)) < PLANAR_SHARE * abs(coupling))
+    model = np.tile(wave @ np.array([[*solution[0]], [2.0 * coupling, coupling, 0.0]]), (len(poses), 1))
+    others = matrix[:, :2, [number - 1 for number in moving]]
+    off = max(np.max(np.abs(sides - model)), np.max(np.abs(others), initial=0.0))
+    return bool(coupling != 0.0 and off < PLANAR_SHARE * abs(coupling))
 
 
 def planar_pair(

@@ -179,9 +179,21 @@ def groups(
         if gravity is None:
             return alone
         pair = replace(pair[0], gravity=gravity), replace(pair[1], gravity=gravity)
-    elif (first, second) != (1, 2) or not is_planar_arm(robot, pose(logs[0], robot)):
+    elif (first, second) != (1, 2) or not is_planar_arm(robot, pose(logs[0], robot), others(logs, (1, 2))):
         return alone
     return [((first, second), pair), *alone[2:]]
+
+
+def others(logs: Sequence[Log], joints: tuple[int, ...]) -> dict[int, tuple[float, float]]:
+    """Least and largest position of the other joints that move, by number."""
+    found: dict[int, tuple[float, float]] = {}
+    for log in logs:
+        for joint in set(log.joints) - set(joints):
+            if driven(log, joint):
+                own = log.position[:, log.index(joint)]
+                low, high = found.get(joint, (np.inf, -np.inf))
+                found[joint] = min(low, float(own.min())), max(high, float(own.max()))
+    return found
 
 
 def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:

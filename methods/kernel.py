@@ -108,7 +108,7 @@ LANE_ROWS = (
     *(f"FIRST_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
     *(f"SUM_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
     *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING", "HALF", "CONSTANT", "LATE"),
-    *("ERROR", "OUTER", "RESIST", "PLACE", "ARM", "WEIGHT", "MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
+    *("ERROR", "OUTER", "KNOWN", "RESIST", "PLACE", "ARM", "WEIGHT", "MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
     *("COMMAND", "READING", "BESIDE", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN"),
     *("FIRST_INERTIA", "CROSS", "SECOND_INERTIA"),
@@ -875,16 +875,18 @@ def _sides(start, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, level, rhs):
+def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, known, level, rhs):
     """Time derivatives D of the states S (n, 8) at time t under the averaged amplifier command u (n,).
 
-    beside (n,): what the laws of the motor's position add to it."""
+    beside (n,): what the laws of the motor's position add to it. extra, known (n,): torques from outside, on the motor
+    and on its arm."""
     arm1, arm2 = 0.0, 0.0
     for j in range(n):
         p = P[j]
         q, dq = S[j, Q], S[j, DQ]
         split = _flexible(on[j]) or _playing(on[j])
         arm = _on_arm(t, S[j, QL] if split else q, dq, S[j, W], x[j], p, on[j], has[j, 2], pair and j < 2)
+        arm += known[j]
         viscous = p[VISCOUS] if split else p[VISCOUS] + p[ARM_VISCOUS]
         w, D[j, W], D[j, HEAT], r, level[j] = _chain(
             t, q + beside[j], dq, S[j, W], S[j, HEAT], viscous, 0.0 if split else arm, u[j], x[j], p, on[j], has[j],
@@ -1121,7 +1123,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 8))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
     rises = np.zeros(n); volts = np.zeros(n); beside = np.zeros(n)
-    bristle = np.zeros(n); extra = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
+    bristle = np.zeros(n); extra = np.zeros(n); known = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
     xs = np.zeros((n, 3))
     keep = motion.shape[0] == T
     with_x = x.shape[0] == T
@@ -1156,9 +1158,10 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             if with_x:
                 xs[j, 0] = x[k, j, 0]; xs[j, 1] = x[k, j, 1]; xs[j, 2] = x[k, j, 2]
             extra[j] = extra_in[k, j] if with_extra else 0.0
+            known[j] = 0.0
             if with_x:
                 for i in range(3, x.shape[2]):
-                    extra[j] += P[j, ARM + i - 3] * x[k, j, i]
+                    known[j] += P[j, ARM + i - 3] * x[k, j, i]
         h = dt / substeps
         per_step = 1.0 / h
         for i in range(substeps):
@@ -1186,7 +1189,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                         for m in range(7):
                             B[j, m] = S[j, m] + ahead * D[j, m] if stage else S[j, m]
                     _rates(at + ahead, B, D, beside, volts, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra,
-                           level, rhs)
+                           known, level, rhs)
                     if stage == 0:
                         again, loose, most = False, -1, 1.0
                         for j in range(n):
@@ -1326,6 +1329,7 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
                 q = S[PLACE_ + l]
                 S[ARM_ + l] += S[GRAVITY_SINE_ + l] * _sine(q) + S[GRAVITY_COSINE_ + l] * _cosine(q)
         for l in range(LANES):
+            S[ARM_ + l] += S[KNOWN_ + l]
             S[WEIGHT_ + l] = S[ARM_ + l]
         for l in range(n if split else 0):
             if parted[l]:
@@ -1582,7 +1586,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     _present(union, slots)
     has = (slots[0], slots[1], slots[2], slots[3])
     split, warm, hanging = _flexible(any_on) or _playing(any_on), _warming(any_on), False
-    senses, weighs = _load_side(any_on) or _sensing(any_on), LIGHT if _weighing(any_on) else 0
+    senses = _load_side(any_on) or _sensing(any_on)
+    weighs = LIGHT if _weighing(any_on) or x.shape[1] > 3 else 0
     altered = has[0] or (LAG >= 0 and any_on[LAG])  # on its way through the amplifier, but for a delay
     direct = hold[0] == 0 and not altered
     lagging, limited = 0, False
@@ -1677,10 +1682,9 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
             xs = (x[lo + k, 0], x[lo + k, 1], x[lo + k, 2])
             if x.shape[1] > 3:
                 for l in range(n):
-                    outer = extra_in[rows[l], lo + k] if with_extra else 0.0
+                    S[KNOWN_ + l] = 0.0
                     for i in range(3, x.shape[1]):
-                        outer += p[l, ARM + i - 3] * x[lo + k, i]
-                    S[OUTER_ + l] = outer
+                        S[KNOWN_ + l] += p[l, ARM + i - 3] * x[lo + k, i]
         h = dt / substeps
         per_step = 1.0 / h
         for i in range(substeps):

@@ -153,8 +153,9 @@ def choose(
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
         least_share = settings.material
-        beyond = problem.arm is None and is_foreign_to_motion(scored.effect)
-        if not accepted and beyond and scored.evidence > settings.weak:
+        if problem.arm is not None and is_foreign_to_motion(scored.effect):  # but not to what moves the arm
+            least_share = settings.relevant if scored.effect.has_neighbour else settings.material
+        elif not accepted and is_foreign_to_motion(scored.effect) and scored.evidence > settings.weak:
             least_share = 0.0
         elif scored.decrease > settings.inexact * explained:
             least_share = settings.faint

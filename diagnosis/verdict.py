@@ -17,10 +17,15 @@ def allowance(nominal: Fitted, base: Fitted) -> float:
 
 
 def unexplained(problem: Problem, explained: float, left: Sequence[Remainder], settings: Settings) -> bool:
-    """Whether something is left that neither noise nor inexact laws account for."""
+    """Whether something is left that neither noise nor inexact laws account for.
+
+    Torques of the rest of an arm are as inexact as the measured motion of its joints: beside them a small remainder
+    counts by its torque only.
+    """
+    exact = problem.arm is None
     excess = sum(r.excess for r in left)
     share = max(r.share for r in left)
-    relevant = share > settings.relevant or (share > settings.seen and excess > settings.inexact * explained)
+    relevant = share > settings.relevant or (exact and share > settings.seen and excess > settings.inexact * explained)
     if excess > max(settings.unexplained * explained, 20.0) and relevant:
         return True
     for r, limit in zip(left, problem.command_limits or (0.0,) * len(left), strict=True):
@@ -28,7 +33,8 @@ def unexplained(problem: Problem, explained: float, left: Sequence[Remainder], s
         if any(share > settings.disturbance and size > settings.amplifier * limit for share, size in torques):
             return True
     drifts = [drift for r in left for drift in r.drifts if drift.is_certain]
-    return any(drift.decrease > settings.minor * explained or drift.share > settings.relevant for drift in drifts)
+    shifts = [drift for drift in drifts if exact and drift.decrease > settings.minor * explained]
+    return bool(shifts) or any(drift.share > settings.relevant for drift in drifts)
 
 
 def verdict(

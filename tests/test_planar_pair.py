@@ -1,5 +1,7 @@
 """Two coupled joints in the compiled models: one at rest that the other pushes, and the fast form of the simulation."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -7,8 +9,10 @@ from scipy.integrate import solve_ivp
 from diagnosis.estimation import errors, predicted_motion
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.preparation import groups
 from diagnosis.problem import Problem, stack
 from envs.log import Array, JointFacts, Log
+from envs.robots import find_robot
 from methods.base import State
 from methods.effects import built_in
 from methods.kernel import build
@@ -164,3 +168,33 @@ def test_simulation_in_registers_is_the_general_one(problem: Problem, names: lis
     assert np.array_equal(errors(problem, [point])[0], predicted)
     if names:
         assert not np.array_equal(errors(problem, [nominal.point])[0], predicted)
+
+
+THREE_LINKS = """<mujoco><worldbody>
+  <body><joint name="a" axis="0 0 1"/><inertial pos="0.2 0 0" mass="4" diaginertia="0.05 0.05 0.05"/>
+  <body pos="0.4 0 0"><joint name="b" axis="0 0 1"/><inertial pos="0.15 0 0" mass="3" diaginertia="0.03 0.03 0.03"/>
+  <body pos="0.3 0 0"><joint name="c" {axis}/><inertial pos="{offset} 0 0" mass="1" diaginertia="0.001 0.001 0.001"/>
+  </body></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("axis", "offset", "moves", "is_pair"),
+    [
+        ('axis="0 0 1"', 0.12, False, True),
+        ('axis="0 0 1"', 0.12, True, False),  # its motion changes what the first two do to each other
+        ('type="slide" axis="0 0 1"', 0.0, True, True),  # straight up and down it does not
+    ],
+)
+def test_two_joints_of_an_arm_whose_third_moves(
+    axis: str, offset: float, moves: bool, is_pair: bool, tmp_path: Path
+) -> None:
+    (tmp_path / "arm.xml").write_text(THREE_LINKS.format(axis=axis, offset=offset))
+    (tmp_path / "arm.toml").write_text(
+        'name = "arm"\nbody.file = "arm.xml"\n[drive]\namplifier = "torque"\ncommand = "torque"\n'
+    )
+    robot = find_robot(str(tmp_path / "arm.toml"))
+    time = 0.01 * np.arange(400)
+    wave = np.column_stack([np.sin(time), np.sin(1.3 * time), moves * 0.7 * (1.0 - np.cos(2.0 * time))])
+    log = Log(time, wave, wave, (1, 2, 3), facts=tuple(robot.facts(j) for j in (1, 2, 3)), name="three")
+    found = [joints for joints, _ in groups([log], (1, 2), robot, ())]
+    assert found == ([(1, 2)] if is_pair else [(1,), (2,)])

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.signal import lfilter
 from diagnosis.estimation import Fitted, covariance, fit, predicted_motion
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.problem import Problem, stack
+from diagnosis.problem import KnownTorques, Problem, stack
 from diagnosis.remainder import (
     Remainder,
     TorqueSpectrum,
@@ -212,3 +213,5 @@ def test_a_drift_too_small_for_an_effect_of_its_own_is_nothing_unknown(
     explained = nominal.criterion - fitted.criterion
     assert any(item.is_certain for item in left.drifts)
     assert unexplained(problem, explained, (left,), Settings()) == missing
+    known = replace(problem, arm=cast(KnownTorques, object()))  # torques of an arm are no more exact than that
+    assert not unexplained(known, 0.0, (left,), Settings(relevant=0.1))

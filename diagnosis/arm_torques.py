@@ -114,7 +114,7 @@ def filtered(known: ArmTorques, log: Log) -> tuple[Array, Array, Array]:
     Samples around reversals are left out: when dry friction turns, the smoothed velocity tells least.
     """
     column = log.index(known.joint)
-    q, dq, ddq = (item[:, column] for item in smooth_derivatives(log.time, log.position, known.seconds))
+    q, dq, ddq = (item[:, column] for item in motion_of(log.time, log.position, known.seconds))
     hold = 0 if log.facts[column].hold == "zero_order" else 1
     held = centred(log.command[:, [column]], hold) / known.unit
     typical = rms(dq) + 1e-12

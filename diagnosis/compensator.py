@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.finding import Finding
-from diagnosis.ledger import WINDOW, resampled
+from diagnosis.ledger import resampled
 from diagnosis.problem import Problem, stack
-from diagnosis.replay import in_blocks, input_equivalent, replay, rms, transfer, window_width
+from diagnosis.replay import WINDOW, in_blocks, input_equivalent, replay, rms, transfer, window_width
 from envs.log import Log
 from methods.closed_form_gradient import ClosedFormGradient
 from methods.network_training import train_network

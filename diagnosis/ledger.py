@@ -21,6 +21,7 @@ from diagnosis.finding import Finding
 from diagnosis.problem import DIVERGED, Problem
 from diagnosis.pruning import deviance, without
 from diagnosis.replay import (
+    WINDOW,
     Replay,
     imitated_floor,
     in_blocks,
@@ -36,8 +37,6 @@ from envs.log import Array
 from envs.log_statistics import position_noise
 from methods.kernel import NOMINAL
 
-WINDOW = 1.0
-"""Length of the windows of free simulation [s]."""
 LEVEL = 0.90
 """Coverage of the intervals."""
 RESAMPLES = 400

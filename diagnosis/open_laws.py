@@ -9,10 +9,10 @@ from diagnosis.beginning import started
 from diagnosis.estimation import fit
 from diagnosis.finding import Accepted, Finding
 from diagnosis.hypotheses import sizes_of
-from diagnosis.ledger import WINDOW, Step, failures
+from diagnosis.ledger import Step, failures
 from diagnosis.problem import Problem
 from diagnosis.regression import View
-from diagnosis.replay import replay
+from diagnosis.replay import WINDOW, replay
 from diagnosis.result import Failure
 from diagnosis.search import containing, generalised
 from methods.effects.base import Effect

@@ -19,6 +19,7 @@ from diagnosis.other_bases import DRY
 from diagnosis.problem import Problem
 from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainders
+from diagnosis.replay import WINDOW, replay, rms
 from diagnosis.search import Ranked, containing, generalised, is_resolved, score, within
 from diagnosis.settings import Settings
 from diagnosis.whitening import on_logs
@@ -220,22 +221,35 @@ def general(
     that one happens in one log only needs more evidence.
 
     A small one beside others counts as weak whatever its evidence: where small causes grow, or a law beside it is
-    inexact, any law that shapes the fitted motion a little finds some. What it gains has to be of the motion, too.
+    inexact, any law that shapes the fitted motion a little finds some. So does one beside torques of the rest of an
+    arm, which are as inexact as the measured motion: it also has to bring free simulations closer. What it gains has to
+    be of the motion, too.
     """
     small = settings.doubtful * (nominal.criterion - base.criterion)
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
         is_weak = item.scored.evidence <= settings.weak
-        if not is_weak and len(accepted) < 2:
+        is_sure = not is_weak and problem.arm is None
+        if is_sure and len(accepted) < 2:
             continue
         smaller = without(problem, base, item)
-        if not is_weak and smaller.criterion - base.criterion > small:
+        if len(accepted) == 1:
+            smaller = min(smaller, nominal, key=lambda option: option.criterion)
+        if is_sure and smaller.criterion - base.criterion > small:
             continue
         there = elsewhere(held_out, base)
         is_there = not is_weak or happens(held_out, there.point, item.effect, item.joint)
-        is_there &= is_of_motion(problem, base, smaller)
+        is_there = is_there and is_of_motion(problem, base, smaller)
+        is_there = is_there and (
+            problem.arm is None or astray(held_out, there) < astray(held_out, elsewhere(held_out, smaller))
+        )
         if not is_there or deviance(held_out, smaller) < misfit(there):
             accepted, base = [other for other in accepted if other is not item], smaller
     return accepted, base
+
+
+def astray(held_out: Problem, there: Fitted) -> float:
+    """Rms by which free simulations of a single joint go astray within a window on other logs."""
+    return rms(replay(held_out, there.point, WINDOW).windows)
 
 
 def deviance(held_out: Problem, fitted: Fitted) -> float:

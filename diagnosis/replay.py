@@ -23,6 +23,8 @@ from envs.log import Array
 from methods.kernel import DAMPING, NOMINAL, STATES
 from methods.two_layer_network import TwoLayerNetwork, pack
 
+WINDOW = 1.0
+"""Length of the windows of free simulation [s]."""
 CORRECTION = 0.1
 """Length of the smoothing that estimates the state at the beginning of a window [s]."""
 LONGEST = 12_000

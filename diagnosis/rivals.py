@@ -12,10 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from diagnosis.ledger import WINDOW, closed, quantiles, resampled, simulated
+from diagnosis.ledger import closed, quantiles, resampled, simulated
 from diagnosis.nominal import Gravity
 from diagnosis.problem import Problem, bounded
-from diagnosis.replay import in_blocks, rms, window_width
+from diagnosis.replay import WINDOW, in_blocks, rms, window_width
 from diagnosis.result import LedgerRow
 from envs.log import Array, Log
 from methods.base import Method, MethodError, Model

@@ -29,7 +29,7 @@ from diagnosis.hopping import likely
 from diagnosis.instants import own_instants
 from diagnosis.isolability import isolability
 from diagnosis.lags import instead_of_winding
-from diagnosis.ledger import WINDOW, Step, failures, floor_of, gap, given_point, rows, steps
+from diagnosis.ledger import Step, failures, floor_of, gap, given_point, rows, steps
 from diagnosis.louder_logs import is_louder
 from diagnosis.next_experiment import Range, next_experiment
 from diagnosis.nominal import JointStructure, settle_stamps
@@ -48,7 +48,7 @@ from diagnosis.preparation import (
 )
 from diagnosis.problem import LIMIT, Problem, coarser, in_band, segments, smooth_derivatives, stack
 from diagnosis.quantities import title
-from diagnosis.replay import input_equivalent, replay
+from diagnosis.replay import WINDOW, input_equivalent, replay
 from diagnosis.report import render
 from diagnosis.result import (
     Alternative,

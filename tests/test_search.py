@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ from diagnosis.jitter import Jitter, jitter
 from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.other_bases import also_from_regression, also_without_limits, settled_anew
-from diagnosis.problem import Problem, Work, evenly, in_band, stack
+from diagnosis.problem import KnownTorques, Problem, Work, evenly, in_band, stack
 from diagnosis.pruning import general, merged, merged_afterwards, prune, unified
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, shows_blows
@@ -1409,6 +1410,27 @@ def test_a_weak_event_has_to_show_where_nobody_fitted() -> None:
         held_out = stack(KERNEL, [record(payload if everywhere else {}, noise(3))], (1,))
         kept = everywhere or evidence > Settings().weak
         assert general(problem, held_out, nominal, [item], fitted, Settings())[0] == ([item] if kept else [])
+
+
+def test_beside_torques_of_an_arm_an_effect_brings_free_simulations_closer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However much evidence there is: these torques are as inexact as the measured motion that they come from."""
+    drag = {"quadratic_drag": {"coefficient": 0.02}}
+    noise = lambda seed: 1e-3 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    problem = stack(KERNEL, [record(drag, noise(seed)) for seed in (1, 2)], (1,))
+    held_out = stack(KERNEL, [record(drag, noise(3))], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    item = accepted(problem, nominal, "quadratic_drag", [0.02])
+    assert item.scored.evidence > 2.0 * Settings().weak
+    beside = replace(problem, arm=cast(KnownTorques, object()))
+
+    def kept(problem: Problem) -> list[Accepted]:
+        return general(problem, held_out, nominal, [item], item.scored.fitted, Settings())[0]
+
+    assert kept(problem) == kept(beside) == [item]
+    farther = lambda _, there: float(there.point.switches.any())  # noqa: E731
+    monkeypatch.setattr("diagnosis.pruning.astray", farther)
+    assert kept(problem) == [item]
+    assert kept(beside) == []
 
 
 def test_a_small_effect_beside_a_large_one_has_to_show_where_nobody_fitted() -> None:

@@ -207,6 +207,7 @@ def diagnose(
     joints = moving_joints(read.fitted, joint, findings)
     rng = np.random.default_rng(0)
     results, gaps, ledger, extensions, proposals = [], [], [], [], []
+    rests: dict[str, list[int]] = {}
     if read.robot is None and len(joints) > 1:
         tell("whether the joints are those of an arm")
     for group, structures in groups(read.fitted, joints, read.robot, known):
@@ -236,13 +237,14 @@ def diagnose(
             notes = (scale_said(result), instants_said(result), *(said(solved, j) for said in solved_notes))
             findings += filter(None, notes)
         if solved.rest:
-            findings.append(f"joint {group[0]}: {solved.rest}")
+            rests.setdefault(solved.rest, []).append(group[0])
         findings += [failure_said(group[j], failure) for j, failure in solved.failing.items()]
         inputs = tuple(structure_.input for structure_ in solved.structures)
         extensions.append(
             Extension(group, inputs, solved.units, solved.held_out, solved.last.point, solved.compensators)
         )
         seconds["results"] = seconds.get("results", 0.0) + clock.perf_counter() - started
+    findings += [f"joint {', '.join(map(str, joints))}: {said}" for said, joints in rests.items()]
     findings += together_said(read, len(extensions), results)
     started = clock.perf_counter()
     tell("exporting the extended model")
@@ -430,8 +432,8 @@ def is_determined(effect: NamedEffect) -> bool:
 
 
 REST_OF_THE_ARM = (
-    "what the motion of the other joints does to it is taken from the description and the measured motion; the "
-    "extended model and its MJCF hold the joint without it"
+    "what the motion of the other joints does is taken from the description and the measured motion; the extended "
+    "model and its MJCF leave it out"
 )
 
 
@@ -515,7 +517,7 @@ def solve(
             arm = arm_torques(read.robot, read.fitted, group[0], pose(first, read.robot))
             rest = "" if arm is None else REST_OF_THE_ARM
         except MethodError as error:
-            rest = f"what the motion of the other joints does to it is not known: {error.problem}"
+            rest = f"what the motion of the other joints does is not known: {error.problem}"
     problem = stack(kernel, read.fitted, group, pair=len(group) > 1, arm=arm)
     held_out = stack(kernel, read.held_out, group, pair=len(group) > 1, arm=arm, dither=problem.dither)
     problem, held_out = settle_stamps(problem, held_out, structures)

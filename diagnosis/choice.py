@@ -153,9 +153,10 @@ def choose(
         hypothesis = scored.start.hypothesis
         share = materiality(problem, scored.fitted, scored.name, hypothesis.joint)
         least_share = settings.material
-        if problem.arm is not None and is_foreign_to_motion(scored.effect):  # but not to what moves the arm
+        is_first = not accepted and is_foreign_to_motion(scored.effect)
+        if problem.arm is not None and (is_first or scored.effect.has_neighbour):  # inexact as the measured motion
             least_share = settings.relevant if scored.effect.has_neighbour else settings.material
-        elif not accepted and is_foreign_to_motion(scored.effect) and scored.evidence > settings.weak:
+        elif is_first and scored.evidence > settings.weak:
             least_share = 0.0
         elif scored.decrease > settings.inexact * explained:
             least_share = settings.faint

@@ -1073,6 +1073,21 @@ def test_what_begins_at_an_instant_may_be_smaller_than_what_integrators_bring(
     assert found.scored.evidence > Settings().weak
     assert materiality(problem, found.scored.fitted, name, 0) < Settings().faint
     assert (choose(problem, nominal, [found.scored], Settings(), 0.0) is not None) == is_taken
+    beside = replace(problem, arm=cast(KnownTorques, object()))  # whose torques are as inexact as the measured motion
+    assert choose(beside, nominal, [found.scored], Settings(), 0.0) is None
+
+
+def test_what_follows_another_joint_is_no_inexact_torque_of_its_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of({"amplifier_offset": {"voltage": 2e-3}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    offset = accepted(problem, nominal, "amplifier_offset", [2e-3]).scored
+    share = materiality(problem, offset.fitted, "amplifier_offset", 0)
+    beside, least = replace(problem, arm=cast(KnownTorques, object())), Settings(relevant=1.5 * share)
+    assert choose(beside, nominal, [offset], least, 0.0) is not None
+    monkeypatch.setattr(Effect, "has_neighbour", True)
+    assert choose(problem, nominal, [offset], least, 0.0) is not None
+    assert choose(beside, nominal, [offset], least, 0.0) is None
+    assert choose(beside, nominal, [offset], Settings(relevant=0.5 * share), 0.0) is not None
 
 
 def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_joint() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -38,7 +37,7 @@ NEIGHBOUR = "axis_coupling"
 """What else one joint may do to another: torques in proportion to its motion and command."""
 
 
-def is_planar_arm(robot: Robot, at: Array, moving: Mapping[int, tuple[float, float]] = MappingProxyType({})) -> bool:
+def is_planar_arm(robot: Robot, at: Array, moving: Mapping[int, tuple[float, float]]) -> bool:
     """True when the description's first two joints turn about parallel axes, the second link on the first.
 
     Around a pose `at` (n,), whatever both angles are: ``M11 = a + 2 p3 cos q2``, ``M12 = p2 + p3 cos q2``, ``M22 = c``.
@@ -141,23 +140,24 @@ def in_commands(log: Log, first: int, second: int) -> tuple[bool, bool]:
         c * ddq[:, 0] + s * dq[:, 0] ** 2,
     )
     both = q.sum(axis=1)
-    weight = [np.sin(q[:, 0]), np.cos(q[:, 0])], [np.sin(both), np.cos(both)]
+    weight = np.stack([np.sin(q[:, 0]), np.cos(q[:, 0]), np.sin(both), np.cos(both)], axis=1)
     inner = slice(len(q) // 50, -max(1, len(q) // 50))
 
-    def regression(terms: list[Array], target: Array) -> tuple[float, float]:
-        """Coefficient of the last term, and the sum of squares that is left."""
-        matrix, wanted = (
-            smooth_derivatives(log.time, item, seconds)[0][inner] for item in (np.stack(terms, axis=1), target)
-        )
-        solution = least_squares(matrix, wanted)
-        return float(solution[-1]), float(np.sum((wanted - matrix @ solution) ** 2))
+    def smooth(*terms: Array) -> Array:
+        return smooth_derivatives(log.time, np.column_stack(terms), seconds)[0][inner]
+
+    def regression(matrix: Array, target: Array) -> tuple[float, float]:
+        """Coefficient of the last column, and the sum of squares that is left."""
+        solution = least_squares(matrix, target)
+        return float(solution[-1]), float(np.sum((target - matrix @ solution) ** 2))
 
     is_arm = is_heavy = True
     for j in range(2):
-        own = [ddq[:, 0], ddq[:, 1], dq[:, 0], dq[:, 1], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12))]
-        own += [np.ones(len(q)), command[:, 1 - j]]
-        pull = [*weight[0], *weight[1]] if j == 0 else weight[1]
-        inertia, arm = regression([*own, *pull, coupling[j]], command[:, j])
-        is_arm &= inertia > 0.0 and arm <= TELLING * regression([*own, *pull], command[:, j])[1]
-        is_heavy &= arm < TELLING * regression([*own, coupling[j]], command[:, j])[1]
+        dry = np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12))
+        target = smooth(command[:, j])[:, 0]
+        own = smooth(ddq, dq, dry, np.ones(len(q)), command[:, 1 - j])
+        pull, arm = smooth(weight if j == 0 else weight[:, 2:]), smooth(coupling[j])
+        inertia, left = regression(np.hstack([own, pull, arm]), target)
+        is_arm &= inertia > 0.0 and left <= TELLING * regression(np.hstack([own, pull]), target)[1]
+        is_heavy &= left < TELLING * regression(np.hstack([own, arm]), target)[1]
     return is_arm, is_heavy

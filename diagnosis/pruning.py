@@ -236,13 +236,14 @@ def general(
             smaller = min(smaller, nominal, key=lambda option: option.criterion)
         if is_sure and smaller.criterion - base.criterion > small:
             continue
-        there = elsewhere(held_out, base)
-        is_there = not is_weak or happens(held_out, there.point, item.effect, item.joint)
-        is_there = is_there and is_of_motion(problem, base, smaller)
-        is_there = is_there and (
-            problem.arm is None or astray(held_out, there) < astray(held_out, elsewhere(held_out, smaller))
+        there, less = elsewhere(held_out, base), elsewhere(held_out, smaller)
+        shows = (
+            (not is_weak or happens(held_out, there.point, item.effect, item.joint))
+            and not misfit(less) < misfit(there)
+            and (problem.arm is None or astray(held_out, there) < astray(held_out, less))
+            and is_of_motion(problem, base, smaller)
         )
-        if not is_there or deviance(held_out, smaller) < misfit(there):
+        if not shows:
             accepted, base = [other for other in accepted if other is not item], smaller
     return accepted, base
 

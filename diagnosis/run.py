@@ -158,9 +158,9 @@ def diagnose_files(
         tell = status.update if console.is_terminal else in_lines(console.print)
         started = clock.perf_counter()
         read = recordings(logs, holdout, robot, columns, repair)
+        files = {str(path): sha256(path.read_bytes()).hexdigest() for path in (columns, *plugins) if path is not None}
         seconds = {"reading": clock.perf_counter() - started}
         diagnosis, model, twin = diagnose(read, joint, effects=effects, rivals=rivals, tell=tell, seconds=seconds)
-        files = {str(path): sha256(path.read_bytes()).hexdigest() for path in (columns, *plugins) if path is not None}
         diagnosis = replace(diagnosis, provenance=replace(diagnosis.provenance, files=files))
         tell("writing the report")
         write_atomically(

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from diagnosis.estimation import errors, predicted_motion
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
-from diagnosis.nominal import JointStructure, fit_nominal
+from diagnosis.nominal import JointStructure, fit_nominal, point_at
 from diagnosis.preparation import groups
 from diagnosis.problem import Problem, stack
 from envs.log import Array, JointFacts, Log
@@ -168,6 +168,21 @@ def test_simulation_in_registers_is_the_general_one(problem: Problem, names: lis
     assert np.array_equal(errors(problem, [point])[0], predicted)
     if names:
         assert not np.array_equal(errors(problem, [nominal.point])[0], predicted)
+
+
+def test_noise_does_not_hide_what_the_joints_do_to_each_other_where_a_fit_begins() -> None:
+    time = DT * np.arange(8000)
+    wave = lambda low, high: sum(np.sin(2 * np.pi * f * time + f**2) for f in np.linspace(low, high, 7))  # noqa: E731
+    command = np.column_stack([0.4 * wave(0.3, 2.0), 0.3 * wave(0.4, 2.3)])
+    position = pair_with().simulate(time, command, State.at_rest(np.zeros(2))).position
+    noisy = position + 1e-3 * np.random.default_rng(0).standard_normal(position.shape)
+    facts = (JointFacts(input="voltage", position_unit="rad", encoder_step=STEP),) * 2
+    log = Log(time, command, STEP * np.round(noisy / STEP), (1, 2), facts=facts)
+    structures = (JointStructure(electrical=False),) * 2
+    begun = point_at(stack(KERNEL, [log], (1, 2), pair=True), structures).point.values
+    assert begun["inertia@0"] == pytest.approx(FIRST["inertia"], rel=0.2)
+    assert begun["inertia@1"] == pytest.approx(SECOND["inertia"], rel=0.2)
+    assert begun["coupling_inertia"] == pytest.approx(COUPLING.coupling_inertia, rel=0.3)
 
 
 THREE_LINKS = """<mujoco><worldbody>

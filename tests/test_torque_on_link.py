@@ -24,7 +24,12 @@ class Known:
 
     def columns(self, log: Log) -> Array:
         """(T, 1)."""
-        return (0.8 * np.sin(7.0 * log.time) + 0.5 * np.sin(31.0 * log.time))[:, None]
+        return pull(log.time)[:, None]
+
+
+def pull(time: Array) -> Array:
+    """That torque (T,)."""
+    return 0.8 * np.sin(7.0 * time) + 0.5 * np.sin(31.0 * time)
 
 
 def two_masses(command: Array, load: Array) -> Array:
@@ -42,12 +47,9 @@ def two_masses(command: Array, load: Array) -> Array:
 
 def test_a_spring_is_found_where_the_rest_of_the_arm_pulls_behind_it() -> None:
     time = DT * np.arange(3000)
-    command = parse("multisine:amplitude=1.5,band=0.3-20,period=3,joints=1").sample(time, np.random.default_rng(0))[
-        :, 0
-    ]
-    known = Known().columns(Log(time, command[:, None], command[:, None], (1,), facts=(JointFacts(input="torque"),)))[
-        :, 0
-    ]
+    excitation = parse("multisine:amplitude=1.5,band=0.3-20,period=3,joints=1")
+    command = excitation.sample(time, np.random.default_rng(0))[:, 0]
+    known = pull(time)
     held = np.append(0.5 * (known[:-1] + known[1:]), known[-1])
     position = STEP * np.round(two_masses(command, held) / STEP)
     facts = (JointFacts(input="torque", encoder_step=STEP),) * 2

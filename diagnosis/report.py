@@ -37,6 +37,8 @@ SIGNIFICANT = 1e-3
 """p-value below which the remainder counts as dependent on a signal."""
 ALIKE = 15.0
 """Angle [degrees] between two effects below which logs hardly tell them apart."""
+ADRIFT = 10.0
+"""Error over whole logs, over that in windows, from which the page says why they differ."""
 PAIRS = 8
 """Pairs of effects that are listed by name as not separable."""
 MEANING = {
@@ -93,6 +95,15 @@ class JointPage:
     figures: Mapping[str, Markup]
     left: tuple[Markup, ...]
     dependences: tuple[SignalDependence, ...]
+    adrift: bool
+
+
+def is_adrift(ledger: Sequence[LedgerRow]) -> bool:
+    """Whether the final model errs over whole logs by far more than in windows."""
+    final = next((row for row in reversed(ledger) if row.role in ("nominal", "effect")), None)
+    if final is None or final.whole_error is None or final.window_error is None:
+        return False
+    return final.whole_error > ADRIFT * final.window_error
 
 
 def render(diagnosis: Diagnosis) -> str:
@@ -151,6 +162,7 @@ def joint_page(diagnosis: Diagnosis, joint: JointResult) -> JointPage:
         figures=joint_figures(joint, gap, ledger, threshold, slug),
         left=tuple(_partial(joint, part, f"{slug}r{i}") for i, part in enumerate(remainder)),
         dependences=tuple(d for d in joint.remainder if d.p_value < SIGNIFICANT),
+        adrift=is_adrift(ledger),
     )
 
 

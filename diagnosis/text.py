@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from io import StringIO
 
@@ -17,12 +18,18 @@ HEADLINE = {
     "load_dependent_friction": "of {coefficient} times the torque",
 }
 """How strong an effect is, in its parameters; others are as strong as their first one says."""
+WITHOUT_VOLTAGE = {"thermal_drift": "to 1/(1 + {resistance_rise}) of the cold torque"}
+"""The same on drives whose current does not depend on the resistance: what falls there is the torque of the command."""
+ARM = re.compile(r"arm(_shape_\d+)?")
+"""Nominal parameters that correct what the rest of a described arm does to a joint."""
 
 
-def describe(effect: NamedEffect) -> str:
+def describe(effect: NamedEffect, command_unit: str = "V") -> str:
     """An effect with the parameters that say how strong it is: ``Coulomb friction of 6.9 ± 0.1 N m``."""
     named = {p.name: rounded(p.physical) for p in effect.parameters}
-    return f"{title(effect.name)} {HEADLINE.get(effect.name, f'of {next(iter(named.values()))}').format(**named)}"
+    plainly = f"of {next(iter(named.values()))}"
+    own = HEADLINE if command_unit == "V" else HEADLINE | WITHOUT_VOLTAGE
+    return f"{title(effect.name)} {own.get(effect.name, plainly).format(**named)}"
 
 
 def rounded(estimate: Estimate) -> str:
@@ -33,6 +40,8 @@ def rounded(estimate: Estimate) -> str:
 def parameter_title(name: str) -> str:
     """A free parameter of the fit in words: ``input_delay.delay@0`` is the delay of input delay."""
     effect, _, own = name.partition("@")[0].rpartition(".")
+    if ARM.fullmatch(own):
+        return "torque of the rest of the arm, as described,"
     return f"{title(own)} of {title(effect)}" if effect else title(own)
 
 
@@ -67,7 +76,7 @@ def enumerated(items: Sequence[str]) -> str:
 
 
 def _finding(joint: JointResult, gap: Gap | None) -> str:
-    named = enumerated([describe(effect) for effect in joint.effects])
+    named = enumerated([describe(effect, joint.command_unit) for effect in joint.effects])
     plural = len(joint.effects) > 1
     adding = f"adding {'them' if plural else 'it'} {gain(gap)}" if gap else ""
     if joint.verdict == "none":

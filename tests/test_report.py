@@ -40,7 +40,7 @@ from diagnosis.result import (
     SignalDependence,
     Spectrum,
 )
-from diagnosis.text import describe, enumerated, gain, joint_sentence, table
+from diagnosis.text import describe, enumerated, gain, joint_sentence, parameter_title, table
 from methods.effects import built_in
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -204,6 +204,13 @@ class Page(HTMLParser):
         return " ".join(" ".join(self.texts).split())
 
 
+def test_the_page_says_why_whole_logs_err_by_far_more_than_windows() -> None:
+    diagnosis = example("named")
+    adrift = tuple(replace(row, whole_error=30.0 * (row.window_error or 0.0)) for row in diagnosis.ledger)
+    assert "drifts" not in Page(render(diagnosis)).text
+    assert "a joint that nothing pulls back drifts" in Page(render(replace(diagnosis, ledger=adrift))).text
+
+
 def test_a_shift_is_no_share_of_a_whole() -> None:
     diagnosis = example("named")
     doubled = nominal("damping", "V s/rad", None, (1.99997, 1e-3), (1.0, 1e-3))
@@ -328,6 +335,18 @@ def test_a_law_is_as_strong_as_all_its_levels_say() -> None:
     assert plain(describe(friction(1))) == "Coulomb friction of 6.91 ± 0.12 N m"
     both = plain(describe(replace(friction(1), name="stribeck_friction", parameters=levels)))
     assert both == "Stribeck friction of 6.90 ± 0.10 N m, 8.40 ± 0.10 N m from rest"
+
+
+def test_heat_acts_on_the_torque_where_the_command_is_no_voltage() -> None:
+    rise = ParameterEstimate("resistance_rise", Estimate(0.31, 0.02, "1"), Estimate(0.31, 0.02, "1"))
+    drift = replace(friction(1), name="thermal_drift", parameters=(rise,))
+    assert plain(describe(drift, "V")) == "thermal drift by 0.310 ± 0.020 times the cold resistance"
+    assert plain(describe(drift, "A")) == "thermal drift to 1/(1 + 0.310 ± 0.020) of the cold torque"
+
+
+def test_corrections_of_a_described_arm_have_a_name_that_people_know() -> None:
+    assert parameter_title("arm_shape_2@0") == "torque of the rest of the arm, as described,"
+    assert parameter_title("arm_viscous@0") == "arm viscous"
 
 
 def test_an_effect_that_would_have_to_exceed_the_command_does_not_count_as_visible() -> None:

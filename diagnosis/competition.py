@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.choice import DRIVEN_BY, FORK, is_of_its_shape
 from diagnosis.estimation import Fitted, fit
 from diagnosis.finding import Accepted, competitors
-from diagnosis.hypotheses import extend
+from diagnosis.hypotheses import extend, withdraw
 from diagnosis.imitation import imitating
 from diagnosis.other_bases import either
 from diagnosis.problem import Problem
@@ -30,24 +30,31 @@ def simpler_rivals(item: Accepted, left: Sequence[Remainder]) -> Accepted:
     return replace(item, rivals=tuple(rival for rival in item.rivals if rival.effect.size <= item.effect.size))
 
 
+def beside(problem: Problem, base: Fitted, rival: Scored, others: Sequence[Accepted]) -> Fitted:
+    """The model in which a rival was fitted, with just the others beside it; those it lacks are as in the base."""
+    point, joint = rival.fitted.point, rival.start.hypothesis.joint
+    wanted = {(rival.name, joint)} | {(other.name, other.joint) for other in others}
+    for effect in problem.kernel.effects:
+        for j in np.flatnonzero(point.switches[:, problem.kernel.switches[effect.name]]):
+            if (effect.name, j) not in wanted:
+                point = withdraw(problem, point, effect.name, int(j))
+    for other in others:
+        if not point.switches[other.joint, problem.kernel.switches[other.name]]:
+            values = base.point.parameters[:, other.joint, problem.kernel.own(other.effect)]
+            point = extend(problem, point, other.scored.start.hypothesis, values)
+    fits = fit(problem, point, rounds=2, iterations=10), free_of_filter(problem, point)
+    return min(fits, key=lambda fitted: fitted.criterion)
+
+
 def confirmed(
-    problem: Problem, base: Fitted, item: Accepted, later: Sequence[Accepted], settings: Settings
+    problem: Problem, base: Fitted, item: Accepted, others: Sequence[Accepted], settings: Settings
 ) -> Accepted:
-    """The effect with those of its rivals that do as well in its place beside the effects found after it.
+    """The effect with those of its rivals that do as well in its place beside all other effects.
 
     They are fitted as far as it has been since: what seemed equal may only have stopped short.
     """
-
-    def cost(rival: Scored) -> float:
-        point = rival.fitted.point
-        for other in later:
-            values = base.point.parameters[:, other.joint, problem.kernel.own(other.effect)]
-            point = extend(problem, point, other.scored.start.hypothesis, values)
-        fits = fit(problem, point, rounds=2, iterations=10), free_of_filter(problem, point)
-        return min(fitted.criterion for fitted in fits) + rival.price
-
     limit = base.criterion + item.scored.price + settings.rival
-    costs = each(cost, item.rivals)
+    costs = each(lambda rival: beside(problem, base, rival, others).criterion + rival.price, item.rivals)
     return replace(item, rivals=tuple(rival for rival, own in zip(item.rivals, costs, strict=True) if own < limit))
 
 

@@ -23,7 +23,7 @@ from diagnosis.choice import (
     nearly_as_good,
     stays_itself,
 )
-from diagnosis.competition import confirmed, disguised, in_other_terms, simpler_rivals
+from diagnosis.competition import beside, confirmed, disguised, in_other_terms, simpler_rivals
 from diagnosis.estimation import Fitted, fit, scatters
 from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, stood_for
 from diagnosis.following import following_settled
@@ -183,7 +183,7 @@ def continued(
         return None
     search.tell("again in the whole band")
     path = search.grown(path)
-    return search.concluded(search.exchanged(path) if search.asks(path) and not search.is_spent else path, held_out)
+    return search.concluded(search.exchanged(path), held_out)
 
 
 def quiet(
@@ -227,11 +227,21 @@ def does_better(narrow: Problem, held_out: Problem | None, whole: Finding, bande
 
 
 @dataclass(frozen=True, eq=False)
+class Fork:
+    """A step at which the search could have gone another way: the path up to there, the effect that was taken, by its
+    name and joint, and another one that came much closer or explained nearly as much."""
+
+    earlier: Path
+    taken: tuple[str, int]
+    other: Accepted
+
+
+@dataclass(frozen=True, eq=False)
 class Path:
     """A way through the search: the effects accepted so far, the model with them, and where it could have gone instead.
 
-    forks: at every step the hypotheses that came much closer or explained nearly as much, with the path up to there,
-    best first. equals: effects with their joints and the laws that explained nearly as much when they were taken.
+    forks: the other ways at every step, best first. equals: effects with their joints and the laws that explained
+    nearly as much when they were taken.
     unsteady: the evidence for disturbances that were refused because not all logs have them. optima: where
     fits stopped in rough ground when a play was found (`diagnosis.hopping`). is_cut: whether the budget left other ways
     from here untried, or further effects.
@@ -244,7 +254,7 @@ class Path:
     left: tuple[Remainder, ...] = ()
     refused: tuple[Ranked, ...] = ()
     unsteady: float = 0.0
-    forks: tuple[tuple[Path, Accepted], ...] = ()
+    forks: tuple[Fork, ...] = ()
     equals: frozenset[tuple[str, int, str]] = frozenset()
     optima: tuple[Optimum, ...] = ()
     is_cut: bool = False
@@ -258,6 +268,12 @@ class Path:
     def scattered(self) -> float:
         """What noise alone would let an effect explain, where small causes grow in the model."""
         return lucky(self.left)
+
+
+def shortened(path: Path, others: tuple[Accepted, ...], base: Fitted) -> Path:
+    """The path with some of its effects only; base: the model with these."""
+    present = frozenset(place for other in others for place in stood_for(other))
+    return replace(path, base=base, accepted=others, present=present, left=())
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,8 +352,9 @@ class Search:
                 break
             before = replace(path, forks=())
             chosen, nearer = firm_ground_first(chosen, much_closer(problem, chosen, ranked, settings))
-            closer = tuple((before, other) for other in nearer)
-            others = tuple((before, other) for other in nearly_as_good(chosen, ranked))
+            taken = chosen.label, chosen.joint
+            closer = tuple(Fork(before, taken, other) for other in nearer)
+            others = tuple(Fork(before, taken, other) for other in nearly_as_good(chosen, ranked))
             longer = self.advanced(replace(path, forks=closer + path.forks + others), chosen)
             gained = path.base.criterion - longer.base.criterion
             if self.beyond(longer) > 0 and gained < settings.inexact * explained:
@@ -421,27 +438,62 @@ class Search:
         What stands beside an effect now may have been missing when it was taken, and a near equal have come second only
         for that. Where something is left, any law may have been what the effect stands in for.
         """
-        for any_law in (False, True):
+        for way in (self.with_second, self.with_near_equal, self.with_any_law):
             for item in path.accepted:
-                if self.is_spent or (any_law and not self.asks(path)):
+                if self.taken > END if way == self.with_second else self.is_spent or not self.asks(path):
                     return path
-                other = self.with_another_law(path, item, any_law=any_law)
+                other = way(path, item)
                 if other is not None:
                     return self.exchanged(other)
         return path
+
+    def with_second(self, path: Path, item: Accepted) -> Path | None:
+        """The path with what came second in the place of what was taken then, as it was fitted then but beside all the
+        others; None if none does better."""
+        others = tuple(other for other in path.accepted if other is not item)
+        there = {place for other in others for place in stood_for(other)}
+        seconds = [
+            fork.other
+            for fork in path.forks
+            if fork.taken == (item.label, item.joint) and fork.other.label != item.label
+            if (fork.other.name, fork.other.joint) not in there
+        ]
+        if not others or not seconds:
+            return None
+        self.tell(f"what came second to {item.label}")
+        price = sum(other.scored.price for other in others)
+        fits = each(lambda second: beside(self.problem, path.base, second.scored, others), seconds)
+        fitted, best = min(
+            zip(fits, seconds, strict=True), key=lambda option: option[0].criterion + option[1].scored.price
+        )
+        if fitted.criterion + best.scored.price + price >= self.cost(path) - self.settings.threshold:
+            return None
+        smaller = without(self.problem, path.base, item)
+        explained = self.nominal.criterion - smaller.criterion
+        scored = best.scored.refitted(smaller, fitted)
+        chosen = choose(self.problem, smaller, [scored], self.settings, explained, others)
+        if chosen is None:
+            return None
+        return self.instead(path, others, smaller, replace(chosen, considered=best.considered))
+
+    def with_near_equal(self, path: Path, item: Accepted) -> Path | None:
+        """The path with one of its near equals in the place of an effect; None if none does better."""
+        return self.with_another_law(path, item, any_law=False)
+
+    def with_any_law(self, path: Path, item: Accepted) -> Path | None:
+        """The path with any other law in the place of an effect; None if none does better."""
+        return self.with_another_law(path, item, any_law=True)
 
     def with_another_law(self, path: Path, item: Accepted, *, any_law: bool) -> Path | None:
         """The path with another law in the place of an effect: any, or one of its near equals; None if none does
         better."""
         problem, settings = self.problem, self.settings
         others = tuple(other for other in path.accepted if other is not item)
-        present = frozenset(place for other in others for place in stood_for(other))
         near = {name for label, joint, name in path.equals if (label, joint) == (item.label, item.joint)}
         near -= {other.label for other in others if other.joint == item.joint}
-        shorter = replace(path, accepted=others, present=present, left=())
         rivals = [
             (effect, joint)
-            for effect, joint in self.candidates(shorter, is_full=False)
+            for effect, joint in self.candidates(shortened(path, others, path.base), is_full=False)
             if joint == item.joint and (effect.label in near or (any_law and effect.name != item.name))
         ]
         if not rivals:
@@ -455,8 +507,13 @@ class Search:
         best = choose(problem, smaller, ranked, settings, explained, others)
         if best is None or best.scored.decrease < FORK * needed:
             return None
-        longer = self.grown(self.advanced(replace(shorter, base=smaller), best))
-        return longer if self.cost(longer) < self.cost(path) - settings.threshold else None
+        return self.instead(path, others, smaller, best)
+
+    def instead(self, path: Path, others: tuple[Accepted, ...], smaller: Fitted, best: Accepted) -> Path | None:
+        """The path with another effect beside those that stay, and continued; None if it does no better. smaller: the
+        model of those that stay."""
+        longer = self.grown(self.advanced(shortened(path, others, smaller), best))
+        return longer if self.cost(longer) < self.cost(path) - self.settings.threshold else None
 
     def asks(self, path: Path) -> bool:
         """Whether what is left beside the effects is worth another look at them."""
@@ -467,18 +524,16 @@ class Search:
 
         Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
         """
-        asks = self.asks(path)
-        is_cut = path.is_cut or (asks and self.is_spent)
-        if asks and not is_cut:
-            path = self.exchanged(path)
-        for earlier, other in path.forks[:FORKS]:
+        is_cut = path.is_cut or (self.asks(path) and self.is_spent)
+        path = self.exchanged(path)
+        for fork in path.forks[:FORKS]:
             if not self.incomplete(path):
                 break
             if self.is_spent:
                 is_cut = True
                 break
-            self.tell(f"once more with {other.label}")
-            second = self.grown(self.advanced(earlier, other))
+            self.tell(f"once more with {fork.other.label}")
+            second = self.grown(self.advanced(fork.earlier, fork.other))
             if self.cost(second) < self.cost(path) - self.settings.threshold:
                 path = second
         return replace(path, is_cut=is_cut)
@@ -500,7 +555,7 @@ class Search:
         if base is not before:
             left = remainders(problem, base)
         accepted = [
-            confirmed(problem, base, simpler_rivals(item, left), accepted[i + 1 :], settings)
+            confirmed(problem, base, simpler_rivals(item, left), [*accepted[:i], *accepted[i + 1 :]], settings)
             for i, item in enumerate(accepted)
         ]
         accepted = [disguised(problem, base, item, accepted, self.effects, settings) for item in accepted]

@@ -26,7 +26,7 @@ from diagnosis.choice import (
     textbook,
 )
 from diagnosis.competition import confirmed, in_other_terms, simpler_rivals
-from diagnosis.engine import Path, Search, find, is_foreseen, with_jitter
+from diagnosis.engine import Fork, Path, Search, find, is_foreseen, with_jitter
 from diagnosis.estimation import errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.finding import Accepted, Finding, near_equals
 from diagnosis.first_fits import nearest, retuned
@@ -663,11 +663,32 @@ def test_a_near_equal_takes_the_place_of_an_effect_where_it_does_better() -> Non
         then = replace(item.scored, decrease=100.0 + item.scored.price)  # beside what is there no longer
         item = replace(item, scored=then, considered=(Ranked(second, 0, 100.0 * share, 0.0),))
         path = Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,), equals=near_equals(item))
-        return [item.label for item in search.exchanged(path).accepted]
+        return [item.label for item in (search.with_near_equal(path, item) or path).accepted]
 
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.95) == ["coulomb_friction"]
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.5) == ["quadratic_drag"]
     assert names("coulomb_friction", [0.2], "quadratic_drag", 0.95) == ["coulomb_friction"]
+
+
+def test_what_came_second_takes_its_place_beside_all_others_though_nothing_is_left() -> None:
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(5000)
+    hidden = {"coulomb_friction": {"torque": 0.1}, "cable_spring": {"stiffness": 0.3, "pull": 0.05}}
+    problem = problem_of(hidden, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    search = Search(problem, (JointStructure(),), EFFECTS, Settings(), nominal, lambda text: None)
+    drag, second = (
+        accepted(problem, nominal, *law) for law in (("quadratic_drag", [0.01]), ("coulomb_friction", [0.1]))
+    )
+    spring = accepted(problem, drag.scored.fitted, "cable_spring", [0.3, 0.05])
+    present = frozenset({("quadratic_drag", 0), ("cable_spring", 0)})
+    path = Path(spring.scored.fitted, (drag, spring), present, (nominal,))
+    assert path.excess == 0.0
+    assert search.exchanged(path) is path
+    fork = Fork(search.start, ("quadratic_drag", 0), second)
+    other = search.exchanged(replace(path, forks=(fork,)))
+    assert {item.label for item in other.accepted} == {"coulomb_friction", "cable_spring"}
+    right = Path(other.base, other.accepted, other.present, (nominal,), forks=(replace(fork, other=drag),))
+    assert search.exchanged(right) is right
 
 
 def test_a_stand_in_for_two_laws_gives_way_to_both() -> None:

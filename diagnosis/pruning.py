@@ -217,8 +217,8 @@ def general(
     base: Fitted,
     settings: Settings,
 ) -> tuple[list[Accepted], Fitted]:
-    """Without weak effects that make data that nobody fitted less likely, and weak events that do not happen there:
-    that one happens in one log only needs more evidence.
+    """Without effects that do not pay for themselves beside the others, weak ones that make data that nobody fitted
+    less likely, and weak events that do not happen there: that one happens in one log only needs more evidence.
 
     A small one beside others counts as weak whatever its evidence: where small causes grow, or a law beside it is
     inexact, any law that shapes the fitted motion a little finds some. So does one beside torques of the rest of an
@@ -238,7 +238,8 @@ def general(
             continue
         there, less = elsewhere(held_out, base), elsewhere(held_out, smaller)
         shows = (
-            (not is_weak or happens(held_out, there.point, item.effect, item.joint))
+            smaller.criterion - base.criterion > item.scored.price
+            and (not is_weak or happens(held_out, there.point, item.effect, item.joint))
             and not misfit(less) < misfit(there)
             and (problem.arm is None or astray(held_out, there) < astray(held_out, less))
             and is_of_motion(problem, base, smaller)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 LENGTH = 60_000
 """Samples of all logs with which one simulation counts as one of the budget."""
-SHORTEST = 0.5
+SHORTEST = 0.05
 """What one of short logs counts."""
 TYPICAL = 0.05
 """Share of the command's rms that an effect's torque has when two effects are asked to be told apart."""

@@ -53,6 +53,7 @@ from diagnosis.search import (
     off_limits,
     price,
     try_all,
+    unfitted,
 )
 from diagnosis.settings import Settings
 from diagnosis.timing import _timed, is_timed, timing_settled
@@ -1489,6 +1490,24 @@ def test_a_small_effect_beside_a_large_one_has_to_show_where_nobody_fitted() -> 
     assert general(problem, held_out, nominal, [large, small], small.scored.fitted, no_small)[0] == [large, small]
 
 
+def test_an_effect_that_does_not_pay_beside_the_others_is_dropped_whatever_other_logs_say() -> None:
+    """A fit that has stopped short may lean on it however far its amplitude stands out of its deviation."""
+    noise = lambda seed: 1e-3 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    friction, spring = {"coulomb_friction": {"torque": 0.3}}, {"cable_spring": {"stiffness": 0.5, "pull": 0.1}}
+    problem = stack(KERNEL, [record(friction, noise(1))], (1,))
+    held_out = stack(KERNEL, [record(friction | spring, noise(2))], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    right = accepted(problem, nominal, "coulomb_friction", [0.3])
+    start = Start(Hypothesis(NAMED["cable_spring"], 0), np.array([[0.5, 0.1]]), 0.0)
+    point = extend(problem, right.scored.fitted.point, start.hypothesis, start.values)
+    short = unfitted(problem, right.scored.fitted, point, errors(problem, [point])[0])
+    leaning = Accepted(Scored(start, short, 500.0, 20.0), 0.1, ())
+    assert short.criterion > right.scored.fitted.criterion
+    kept, base = general(problem, held_out, nominal, [right, leaning], short, Settings())
+    assert kept == [right]
+    assert base.criterion < right.scored.fitted.criterion + 1.0
+
+
 @pytest.mark.parametrize("name", ["periodic_disturbance", "cogging_torque"])
 def test_waves_beyond_the_band_in_which_errors_are_compared_are_not_scanned(name: str) -> None:
     """There each of them has the image of a slow one, of which it would explain as much."""
@@ -1726,7 +1745,7 @@ def test_long_logs_have_fewer_simulations(monkeypatch: pytest.MonkeyPatch) -> No
     problem = problem_of({})
     search = Search.begin(problem, (JointStructure(),), [], Settings(budget=100), lambda text: None)
     spent = replace(search, problem=replace(problem, work=Work(60 * len(problem.time))))
-    for times, taken in ((0.5, 1.2), (1.0, 0.6), (4.0, 0.3)):
+    for times, taken in ((0.5, 1.2), (1.0, 0.6), (4.0, 0.15), (100.0, 0.03)):
         monkeypatch.setattr("diagnosis.engine.LENGTH", times * len(problem.time))
         assert spent.taken == pytest.approx(taken)
 

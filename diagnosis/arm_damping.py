@@ -39,7 +39,7 @@ def arm_damping_settled(problem: Problem, fitted: Fitted) -> Fitted:
     cost = len(joints) * float(np.log(fitted.samples))
     points: list[Point] = []
     for shares in BEGINNINGS:
-        point = _damped(fitted.point, joints, *shares)
+        point = on_arms_side(fitted.point, joints, *shares)
         if not any(np.array_equal(point.parameters, other.parameters) for other in points):
             points.append(point)
     fits = each(lambda point: free_of_filter(problem, point), points)
@@ -71,7 +71,7 @@ def _is_split(problem: Problem, point: Point, joint: int) -> bool:
     )
 
 
-def _damped(point: Point, joints: list[int], viscous: float, back_emf: float) -> Point:
+def on_arms_side(point: Point, joints: list[int], viscous: float, back_emf: float) -> Point:
     """The point with shares of the viscous friction and of the back-EMF on the arm's side, where damping is free."""
     parameters, free = point.parameters.copy(), list(point.free)
     for j in joints:

@@ -59,6 +59,7 @@ from diagnosis.search import (
     Scored,
     hypotheses_of,
     is_resolved,
+    plays,
     polish,
     ranking,
     stuck,
@@ -339,6 +340,8 @@ class Search:
                 ranked = also_without_limits(problem, path.base, candidates, ranked)
             if not path.accepted:
                 ranked = also_from_regression(problem, self.structures, path.base, candidates, ranked)
+            if ranked and ranked[0].effect.scatters:
+                ranked = either(ranked, plays(problem, path.base, candidates))
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
             ranked = with_limiting_effects(problem, path.base, ranked)
@@ -504,6 +507,8 @@ class Search:
         alike = each(lambda rival: imitating(problem, path.base, smaller, item.effect, *rival), rivals)
         ranked = try_all(problem, smaller, rivals, needed=needed)
         ranked = either(ranked, [scored for scored in alike if scored is not None])
+        if any_law:
+            ranked = either(ranked, plays(problem, smaller, rivals))
         best = choose(problem, smaller, ranked, settings, explained, others)
         if best is None or best.scored.decrease < FORK * needed:
             return None
@@ -524,6 +529,7 @@ class Search:
 
         Greedy selection can start from a stand-in: an offset and dry friction first look like asymmetric friction.
         """
+        path = self.with_play(path)
         is_cut = path.is_cut or (self.asks(path) and self.is_spent)
         path = self.exchanged(path)
         for fork in path.forks[:FORKS]:
@@ -537,6 +543,22 @@ class Search:
             if self.cost(second) < self.cost(path) - self.settings.threshold:
                 path = second
         return replace(path, is_cut=is_cut)
+
+    def with_play(self, path: Path) -> Path:
+        """The path, or the one that begins with a play, where something is left that this explains.
+
+        Few of its starting values come close to the motion, and what other laws imitate of it is found first.
+        """
+        has_play = any(item.effect.scatters for item in path.accepted)
+        if has_play or not self.incomplete(path) or self.taken > END:
+            return path
+        self.tell("a play, begun from everywhere")
+        ranked = plays(self.problem, self.nominal, self.candidates(self.start, is_full=False))
+        chosen = choose(self.problem, self.nominal, ranked, self.settings, 0.0)
+        if chosen is None:
+            return path
+        other = self.grown(self.advanced(self.start, chosen))
+        return other if self.cost(other) < self.cost(path) - self.settings.threshold else path
 
     def concluded(self, path: Path, held_out: Problem | None = None) -> Finding:
         """What stands at the end of a path: effects that are not needed are taken back, and the verdict is given."""
@@ -626,8 +648,9 @@ def with_jitter(
     for j in range(problem.joints):
         found = None if scatters(problem, finding.final.point, j) else jitter(problem, finding.final, j)
         is_weak = found is not None and found.decrease < cost + settings.weak
-        if is_weak and held_out is not None and jitter(held_out, elsewhere(held_out, finding.final), j) is None:
-            found = None
+        if is_weak and held_out is not None:
+            shown = jitter(held_out, elsewhere(held_out, finding.final), j)
+            found = None if shown is None or shown.decrease < settings.rival else found
         if problem.stamps is not None:
             found = Jitter(problem.stamps.error, problem.stamps.error / np.sqrt(2.0 * cost), problem.stamps.decrease)
         if found is None or found.decrease < cost + settings.threshold or found.rms < settings.jitter * dt:

@@ -18,13 +18,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize
 
 from diagnosis.estimation import Fitted, predicted_motion
 from diagnosis.problem import Problem
 from envs.log import Array
 from methods.filters import prediction_filter
 
-ROUNDS = 30
+LEAST = 1e-6
+"""Least variance of a sample, as a share of the mean."""
+FAR_OUT = 5.0
+"""Deviations by any of the laws beyond which a sample says nothing of them: where dry friction catches the joint, the
+instant of one reading makes the errors of many."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +51,12 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     moving = np.minimum(np.abs(velocity) * problem.sample_time / max(problem.encoder_step, 1e-300), 1.0)
     response = reading_response(problem, fitted, joint)
     plain = [np.ones(len(rows)), _scatter(moving, response)[rows]]
-    without = _likelihood(np.stack(plain), square)
-    laws = {
-        name: _scatter(signal**2, response)[rows]
-        for name, signal in (("velocity", velocity), ("acceleration", acceleration), ("torque", torque))
-    }
-    found = {name: _likelihood(np.stack([*plain, law]), square) for name, law in laws.items()}
-    best = min(found.values(), key=lambda item: item[0])
+    signals = (("velocity", velocity), ("acceleration", acceleration), ("torque", torque))
+    laws = {name: np.stack([*plain, _scatter(signal**2, response)[rows]]) for name, signal in signals}
+    laws["nothing"] = np.stack(plain)
+    within = np.all([square < FAR_OUT**2 * (_likelihood(law, square)[1] @ law) for law in laws.values()], axis=0)
+    found = {name: _likelihood(law[:, within], square[within]) for name, law in laws.items()}
+    without, best = found.pop("nothing"), min(found.values(), key=lambda item: item[0])
     deviance, coefficients, deviations = found["velocity"]
     if deviance > best[0] + 1e-9 or coefficients[-1] <= 0.0:
         return None
@@ -77,25 +81,27 @@ def _scatter(power: Array, response: Array) -> Array:
 def _likelihood(laws: Array, square: Array) -> tuple[float, Array, Array]:
     """-2 log likelihood, coefficients (K,) >= 0 and their deviations for variances that are linear in laws (K, N).
 
-    Scoring for a gamma law with identity link; every coefficient is kept at zero or above. The deviations are those of
-    the sandwich, which hold whatever the law of the scatter.
+    The deviations are those of the sandwich, which hold whatever the law of the scatter; a coefficient that the limit
+    holds at zero has none and says nothing about those of the others.
     """
-    scale = np.mean(laws, axis=1, keepdims=True) + 1e-300
-    columns = laws / scale
     mean = float(np.mean(square))
-    x = np.full(len(columns), mean / len(columns))
-    information = np.eye(len(columns))
-    for _ in range(ROUNDS):
-        variance = np.maximum(x @ columns, 1e-6 * mean)
-        weighted = columns / variance
-        information = weighted @ weighted.T / 2.0
-        step = np.linalg.lstsq(information, weighted @ (square / variance - 1.0) / 2.0, rcond=1e-10)[0]
-        new = np.maximum(x + step, 0.0)
-        if np.max(np.abs(new - x)) < 1e-8 * mean:
-            break
-        x = new
-    variance = np.maximum(x @ columns, 1e-6 * mean)
-    deviance = float(np.sum(np.log(variance) + square / variance))
-    inner, scores = np.linalg.pinv(information), columns / variance * (square / variance - 1.0) / 2.0
-    deviations = np.sqrt(np.maximum(np.diag(inner @ (scores @ scores.T) @ inner), 0.0))
-    return deviance, x / scale[:, 0], deviations / scale[:, 0]
+    scale = (np.mean(laws, axis=1, keepdims=True) + 1e-300) / mean
+    columns = laws / scale
+
+    def deviance(x: Array) -> tuple[float, Array]:
+        variance = np.maximum(x @ columns, LEAST * mean)
+        return float(np.mean(np.log(variance) + square / variance)), columns @ (
+            1.0 / variance - square / variance**2
+        ) / n
+
+    n, count = len(square), len(columns)
+    best = minimize(deviance, np.full(count, 1.0 / count), jac=True, method="L-BFGS-B", bounds=[(0.0, None)] * count)
+    x = best.x
+    variance = np.maximum(x @ columns, LEAST * mean)
+    inside = x > 0.0
+    weighted = columns[inside] / variance
+    inner = np.linalg.pinv(weighted @ weighted.T / 2.0, rcond=1e-6, hermitian=True)
+    scores = weighted * (square / variance - 1.0) / 2.0
+    deviations = np.zeros(count)
+    deviations[inside] = np.sqrt(np.maximum(np.diag(inner @ (scores @ scores.T) @ inner), 0.0))
+    return n * float(best.fun), x / scale[:, 0], deviations / scale[:, 0]

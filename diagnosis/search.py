@@ -9,6 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from diagnosis.arm_damping import on_arms_side
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
 from diagnosis.first_fits import first_fits, further, on_all_samples, retuned, seen_in_part
 from diagnosis.glance import Glance, can_be_glanced_at, glance
@@ -45,6 +46,10 @@ COLOURED = 5.0
 """Rms of the errors over that of their innovations from which that is done."""
 MET = 2
 """Starting values from which an effect is fitted in whose motion small causes grow."""
+BEHIND = (0.0, 0.1, 0.2, 0.4)
+"""Shares of all damping behind a play with which it is begun."""
+LIGHTER = (1.0, 0.8)
+"""Shares of the inertia of a joint without a play with which that is done."""
 CLOSE = 0.75
 """Share of the best first fit's decrease from which a hypothesis is fitted to all samples, where a part is enough."""
 NEAR = 0.9
@@ -185,17 +190,24 @@ def rung(problem: Problem, base: Fitted, effect: Effect, joint: int) -> list[tup
     return [(start, to_innovations(problem, best))]
 
 
-def met(problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales) -> list[tuple[Start, Fitted]]:
+def met(
+    problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales, *, is_thorough: bool = False
+) -> list[tuple[Start, Fitted]]:
     """The best fit of an effect in whose motion small causes grow, begun where it comes closest as it is.
 
     A regression on what it would do to the prediction tells nothing there: the same blow a little later is another
     motion. Simulated with each of its starting values, and with a filter of its own, it shows at once.
+    is_thorough: also begun with some of the damping behind the play and with less inertia, since a joint without a play
+    makes up for it by more; with all damping on the wrong side no play comes close.
     """
     if not effect.scatters or effect.starts is None:
         return []
     every = [np.tile(np.array(values, float), (problem.logs, 1)) for values in effect.starts(size)]
     starts = [Start(Hypothesis(effect, joint), values, 0.0, len(every)) for values in every]
     points = [extend(problem, base.point, start.hypothesis, start.values) for start in starts]
+    if is_thorough and not problem.pair:
+        points = [other for point in points for other in apportioned(point, joint)]
+        starts = [start for start in starts for _ in range(len(points) // len(starts))]
     cost = price(problem, starts[0], base.samples)
     count, before = max(2, min(AT_ONCE, MEMORY // base.error.size)), float(np.sum(base.error[problem.used] ** 2))
     close: list[tuple[float, Start, Point]] = []
@@ -208,6 +220,26 @@ def met(problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales
     fits = [(start, fit(problem, point, rounds=2, iterations=8)) for _, start, point in close]
     fits += [(start, free_of_filter(problem, point)) for _, start, point in close]
     return [min(fits, key=lambda item: item[1].criterion)] if fits else []
+
+
+def plays(problem: Problem, base: Fitted, effects: Sequence[tuple[Effect, int]]) -> list[Scored]:
+    """Of all effects those in whose motion small causes grow, begun from everywhere (`met`), best first."""
+    sizes = sizes_of(problem, base)
+    begun = [found for effect, j in effects for found in met(problem, base, effect, j, sizes[j], is_thorough=True)]
+    return sorted((score(problem, base, *found) for found in begun), key=lambda s: -s.evidence)
+
+
+def apportioned(point: Point, joint: int) -> list[Point]:
+    """A model with a play with shares of its damping behind it, and with its inertia or less."""
+    free = {f.name for f in point.free}
+    found = []
+    for behind in BEHIND if f"arm_viscous@{joint}" not in free else BEHIND[:1]:
+        split = on_arms_side(point, [joint], behind, behind) if behind else point
+        for share in LIGHTER:
+            parameters = split.parameters.copy()
+            parameters[:, joint, INERTIA] *= share
+            found.append(replace(split, parameters=parameters))
+    return found
 
 
 def unfitted(problem: Problem, base: Fitted, point: Point, error: Array) -> Fitted:

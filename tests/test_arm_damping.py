@@ -11,10 +11,11 @@ from scipy.linalg import expm
 from diagnosis.arm_damping import ARM_VISCOUS, arm_damping_settled, undivided
 from diagnosis.engine import find
 from diagnosis.estimation import Fitted, fit
-from diagnosis.hypotheses import Hypothesis, extend, withdraw
-from diagnosis.nominal import JointStructure, point_at
+from diagnosis.hypotheses import Hypothesis, extend, sizes_of, withdraw
+from diagnosis.nominal import JointStructure, fit_nominal, point_at
 from diagnosis.problem import Problem, stack
 from diagnosis.pruning import without
+from diagnosis.search import met
 from envs.log import JointFacts, Log
 from methods.effects import built_in
 from methods.kernel import NOMINAL, build
@@ -109,3 +110,47 @@ def test_the_search_finds_friction_on_an_arm_that_a_voltage_drives() -> None:
     assert row[ARM_VISCOUS] == pytest.approx(DRAG, rel=0.2)  # a lag of the winding, which is not stated, trades with it
     assert row[[VISCOUS, BACK_EMF, ARM_VISCOUS]].sum() == pytest.approx(DRAG + EMF, rel=0.01)
     assert rms(problem, finding.final) < 1e-2 * rms(problem, finding.steps[0])
+
+
+def behind_play(seed: int, seconds: float = 20.0, substeps: int = 20) -> Log:
+    """A servo under PD control of the arm's angle, with a play between gear and arm and part of the damping on the
+    arm; semi-implicit Euler steps, white noise on the readings."""
+    rng = np.random.default_rng(seed)
+    count, h = int(seconds / DT), DT / substeps
+    noise = 5e-5 * rng.standard_normal(count)
+    time = DT * np.arange(count)
+    hertz, phases = np.array([0.3, 0.8, 1.7]), rng.uniform(0.0, 6.0, 3)
+    wanted = np.sum([0.3, 0.1, 0.04] * np.sin(2 * np.pi * np.outer(time, hertz) + phases), axis=1)
+    motor, arm, gap, contact, knock, drag, emf = 0.0126, 0.0067, 0.021, 1100.0, 1.35, 0.18, 1.3
+    command, reading = np.zeros(count), np.zeros(count)
+    q = np.full(2, wanted[0])
+    w = np.zeros(2)
+    before = wanted[0]
+    for k in range(count):
+        reading[k] = q[1] + noise[k]
+        error = wanted[k] - reading[k]
+        command[k] = np.clip(30.0 * error - 0.6 * (reading[k] - before) / DT, -12.0, 12.0)
+        before = reading[k]
+        for _ in range(substeps):
+            twist, rate = q[0] - q[1], w[0] - w[1]
+            force = 0.0
+            if abs(twist) > gap / 2:
+                force = contact * (twist - np.sign(twist) * gap / 2) + knock * rate
+                force = max(force, 0.0) if twist > 0.0 else min(force, 0.0)
+            w = w + h * np.array([(command[k] - emf * w[0] - force) / motor, (force - drag * w[1]) / arm])
+            q = q + h * w
+    facts = JointFacts(position_unit="rad", encoder_step=STEP)
+    return Log(time, command[:, None], reading[:, None], (1,), facts=(facts,), name=f"{seed}")
+
+
+@pytest.mark.slow
+def test_a_play_of_which_the_encoder_sees_the_arm_is_begun_with_damping_behind_it() -> None:
+    """With all damping on the motor's side no gap comes close to the motion, and none is found."""
+    problem, effect = stack(KERNEL, [behind_play(seed) for seed in (1, 2)], (1,)), NAMED["backlash_load_side"]
+    base = fit_nominal(problem, (JointStructure(),))
+    size = sizes_of(problem, base)[0]
+    plain = met(problem, base, effect, 0, size)
+    ((_, fitted),) = met(problem, base, effect, 0, size, is_thorough=True)
+    assert fitted.criterion < min([base.criterion, *(other.criterion for _, other in plain)]) - 10_000.0
+    gap = fitted.point.parameters[0, 0, KERNEL.own(effect)][0]
+    assert gap == pytest.approx(0.021, rel=0.1)

@@ -1230,6 +1230,24 @@ def test_jitter_is_told_from_noise_with_long_tails() -> None:
     assert none is None or none.decrease < 12.0
 
 
+def test_jitter_shows_in_continuous_readings_behind_dry_friction() -> None:
+    """There is no rounding to tell from other noise there, and few samples at reversals are far out."""
+    log = record({"coulomb_friction": {"torque": 0.3}})
+    late, noise = (size * np.random.default_rng(4).standard_normal(len(log)) for size in (2e-4, 1e-5))
+    motion = np.interp(log.time + late, log.time, log.position[:, 0]) + noise
+    facts = (replace(log.facts[0], encoder_step=None),)
+    problem = stack(KERNEL, [replace(log, position=motion[:, None], facts=facts)], (1,))
+    fitted = accepted(problem, fit_nominal(problem, (JointStructure(),)), "coulomb_friction", [0.3]).scored.fitted
+    square = fitted.innovation.copy()
+    square[:20] = 100.0 * np.std(square)
+    found, far_out = jitter(problem, fitted, 0), jitter(problem, replace(fitted, innovation=square), 0)
+    assert found is not None
+    assert far_out is not None
+    assert found.rms == pytest.approx(2e-4, rel=0.05)
+    assert far_out.rms == pytest.approx(2e-4, rel=0.1)
+    assert min(found.decrease, far_out.decrease) > 1000.0
+
+
 def test_no_jitter_is_read_off_where_small_causes_grow(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = problem_of({})
     fitted = fit_nominal(problem, (JointStructure(),))

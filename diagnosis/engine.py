@@ -14,6 +14,7 @@ from diagnosis.beginning import beginnings_settled
 from diagnosis.choice import (
     FORK,
     LAG,
+    STEADY,
     choose,
     coincides,
     firm_ground_first,
@@ -647,10 +648,9 @@ def with_jitter(
     cost, dt = float(np.log(finding.final.samples)), problem.sample_time
     for j in range(problem.joints):
         found = None if scatters(problem, finding.final.point, j) else jitter(problem, finding.final, j)
-        is_weak = found is not None and found.decrease < cost + settings.weak
-        if is_weak and held_out is not None:
+        if found is not None and found.decrease < cost + settings.weak and held_out is not None:
             shown = jitter(held_out, elsewhere(held_out, finding.final), j)
-            found = None if shown is None or shown.decrease < settings.rival else found
+            found = None if shown is None or shown.rms < STEADY * found.rms else found
         if problem.stamps is not None:
             found = Jitter(problem.stamps.error, problem.stamps.error / np.sqrt(2.0 * cost), problem.stamps.decrease)
         if found is None or found.decrease < cost + settings.threshold or found.rms < settings.jitter * dt:

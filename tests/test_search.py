@@ -1248,6 +1248,20 @@ def test_jitter_shows_in_continuous_readings_behind_dry_friction() -> None:
     assert min(found.decrease, far_out.decrease) > 1000.0
 
 
+def test_a_disc_far_off_its_centre_is_eccentric_still() -> None:
+    """A magnet on a small shaft may sit a third of its radius away from the centre."""
+    problem = problem_of(
+        {"encoder_eccentricity": {"sine": 0.3, "cosine": -0.15}, "amplifier_lag": {"time_constant": 0.02}}
+    )
+    few = [NAMED[name] for name in ("encoder_eccentricity", "amplifier_lag", "gravity_tilt", "input_delay")]
+    finding = find(problem, (JointStructure(),), few)
+    assert (finding.verdict, {item.label for item in finding.accepted}) == (
+        "named",
+        {"encoder_eccentricity", "amplifier_lag"},
+    )
+    assert finding.final.point.value("encoder_eccentricity.sine@0") == pytest.approx(0.3, rel=0.01)
+
+
 def test_no_jitter_is_read_off_where_small_causes_grow(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = problem_of({})
     fitted = fit_nominal(problem, (JointStructure(),))

@@ -7,6 +7,9 @@ import math
 
 from methods.effects.base import Effect, EffectParameter
 
+LARGEST = 0.5
+"""Amplitude [rad]: beyond 1 the reading of a turning disc would go back."""
+
 
 def sensor(q, p):
     """sine sin(q) + cosine cos(q)."""
@@ -18,8 +21,8 @@ EFFECT = Effect(
     stage="sensor",
     slot="sensor",
     parameters=(
-        EffectParameter("sine", "position", "sine part of the error", lower=-0.1, upper=0.1),
-        EffectParameter("cosine", "position", "cosine part of the error", lower=-0.1, upper=0.1),
+        EffectParameter("sine", "position", "sine part of the error", lower=-LARGEST, upper=LARGEST),
+        EffectParameter("cosine", "position", "cosine part of the error", lower=-LARGEST, upper=LARGEST),
     ),
     equation=r"y = q + A\,\sin(q + \varphi)",
     variable="position",

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from diagnosis.arm_damping import arm_damping_settled
+from diagnosis.arm_damping import arm_damping_settled, undivided
 from diagnosis.beginning import beginnings_settled
 from diagnosis.choice import (
     FORK,
@@ -29,7 +29,7 @@ from diagnosis.estimation import Fitted, fit, scatters
 from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, stood_for
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, hopped
-from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.hypotheses import Hypothesis, Start, extend, withdraw
 from diagnosis.imitation import imitating
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
@@ -442,14 +442,29 @@ class Search:
         What stands beside an effect now may have been missing when it was taken, and a near equal have come second only
         for that. Where something is left, any law may have been what the effect stands in for.
         """
-        for way in (self.with_second, self.with_near_equal, self.with_any_law):
+        cheap = self.with_second, self.with_nothing
+        for way in (*cheap, self.with_near_equal, self.with_any_law):
             for item in path.accepted:
-                if self.taken > END if way == self.with_second else self.is_spent or not self.asks(path):
+                if self.taken > END if way in cheap else self.is_spent or not self.asks(path):
                     return path
                 other = way(path, item)
                 if other is not None:
                     return self.exchanged(other)
         return path
+
+    def with_nothing(self, path: Path, item: Accepted) -> Path | None:
+        """The path without an effect, the others fitted as far as they go; None if that costs more.
+
+        What was taken first may have stood in for all that came later, and hold these where they began.
+        """
+        others = tuple(other for other in path.accepted if other is not item)
+        if not others:
+            return None
+        point = undivided(self.problem, withdraw(self.problem, path.base.point, item.name, item.joint))
+        fits = fit(self.problem, point, rounds=2, iterations=10), free_of_filter(self.problem, point)
+        best = min(fits, key=lambda fitted: fitted.criterion)
+        shorter = shortened(path, others, best)
+        return self.grown(shorter) if self.cost(shorter) < self.cost(path) else None
 
     def with_second(self, path: Path, item: Accepted) -> Path | None:
         """The path with what came second in the place of what was taken then, as it was fitted then but beside all the

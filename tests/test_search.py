@@ -676,7 +676,8 @@ def test_what_came_second_takes_its_place_beside_all_others_though_nothing_is_le
     hidden = {"coulomb_friction": {"torque": 0.1}, "cable_spring": {"stiffness": 0.3, "pull": 0.05}}
     problem = problem_of(hidden, noise)
     nominal = fit_nominal(problem, (JointStructure(),))
-    search = Search(problem, (JointStructure(),), EFFECTS, Settings(), nominal, lambda text: None)
+    few = [NAMED["quadratic_drag"], NAMED["cable_spring"]]
+    search = Search(problem, (JointStructure(),), few, Settings(), nominal, lambda text: None)
     drag, second = (
         accepted(problem, nominal, *law) for law in (("quadratic_drag", [0.01]), ("coulomb_friction", [0.1]))
     )
@@ -684,12 +685,32 @@ def test_what_came_second_takes_its_place_beside_all_others_though_nothing_is_le
     present = frozenset({("quadratic_drag", 0), ("cable_spring", 0)})
     path = Path(spring.scored.fitted, (drag, spring), present, (nominal,))
     assert path.excess == 0.0
-    assert search.exchanged(path) is path
+    assert "coulomb_friction" not in {item.label for item in search.exchanged(path).accepted}
     fork = Fork(search.start, ("quadratic_drag", 0), second)
     other = search.exchanged(replace(path, forks=(fork,)))
     assert {item.label for item in other.accepted} == {"coulomb_friction", "cable_spring"}
     right = Path(other.base, other.accepted, other.present, (nominal,), forks=(replace(fork, other=drag),))
     assert search.exchanged(right) is right
+
+
+def test_what_was_taken_first_goes_where_those_after_it_do_as_well_alone() -> None:
+    """It may have stood in for them, and a fit that holds them where they began may lean on it."""
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of({"input_delay": {"delay": 0.02}, "cable_spring": {"stiffness": 0.3, "pull": 0.05}}, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    search = Search(problem, (JointStructure(),), EFFECTS, Settings(), nominal, lambda text: None)
+    lag = accepted(problem, nominal, "amplifier_lag", [0.01])
+    spring = accepted(problem, lag.scored.fitted, "cable_spring", [0.3, 0.05])
+    start = Start(Hypothesis(NAMED["input_delay"], 0), np.array([[0.012]]), 0.0)
+    point = extend(problem, spring.scored.fitted.point, start.hypothesis, start.values)
+    short = unfitted(problem, spring.scored.fitted, point, errors(problem, [point])[0])
+    delay = Accepted(Scored(start, short, 500.0, 10.0), 0.1, ())
+    items = (lag, spring, delay)
+    path = Path(short, items, frozenset((item.name, 0) for item in items), (nominal,))
+    other = search.exchanged(path)
+    assert {item.label for item in other.accepted} == {"input_delay", "cable_spring"}
+    assert other.base.point.value("input_delay.delay@0") == pytest.approx(0.02, rel=0.01)
+    assert search.exchanged(other) is other
 
 
 def test_a_stand_in_for_two_laws_gives_way_to_both() -> None:

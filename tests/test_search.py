@@ -63,6 +63,7 @@ from envs.log import Array, InputKind, JointFacts, Log
 from methods.base import State
 from methods.effects import built_in
 from methods.effects.base import Effect, geometric
+from methods.effects.encoder_eccentricity import LARGEST
 from methods.kernel import NOMINAL, build
 from methods.structured import StructuredJoint, StructuredModel
 
@@ -1460,7 +1461,7 @@ def test_an_effect_at_the_end_of_its_range_stands_in_for_another_one() -> None:
     found = accepted(problem, nominal, "encoder_eccentricity", [0.05, 0.02]).scored
     assert choose(problem, nominal, [found], Settings(), 0.0) is not None
     parameters = found.fitted.point.parameters.copy()
-    parameters[:, 0, KERNEL.column(NAMED["encoder_eccentricity"], "sine")] = -0.1
+    parameters[:, 0, KERNEL.column(NAMED["encoder_eccentricity"], "sine")] = -LARGEST
     at_end = replace(found.fitted, point=replace(found.fitted.point, parameters=parameters))
     assert choose(problem, nominal, [replace(found, fitted=at_end)], Settings(), 0.0) is None
 
@@ -1791,8 +1792,9 @@ def test_a_search_that_has_taken_its_budget_tries_no_other_ways(monkeypatch: pyt
     assert not tried
 
 
-def test_two_joints_that_move_together_have_half_the_simulations() -> None:
+def test_two_joints_that_move_together_have_half_the_simulations(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = problem_of({})
+    monkeypatch.setattr("diagnosis.engine.LENGTH", 2 * len(problem.time))
     search = Search.begin(problem, (JointStructure(),), [], Settings(budget=100), lambda text: None)
     wide = replace(problem, command=np.tile(problem.command, 2), work=Work(60 * len(problem.time)))
     assert replace(search, problem=wide).taken == pytest.approx(0.6)
@@ -1832,7 +1834,7 @@ def test_a_general_form_that_explains_no_more_waits_for_its_turn() -> None:
 def test_laws_are_not_exchanged_beside_a_single_effect_that_leaves_little(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = problem_of({"amplifier_offset": {"voltage": 2e-2}})
     search = Search.begin(problem, (JointStructure(),), [NAMED["amplifier_offset"]], Settings(), lambda text: None)
-    monkeypatch.setattr(Search, "exchanged", lambda self, path: pytest.fail("laws are exchanged"))
+    monkeypatch.setattr(Search, "with_another_law", lambda self, path, item, any_law: pytest.fail("it is exchanged"))
     item = accepted(problem, search.nominal, "amplifier_offset", [2e-2])
     left = Remainder((), 1000.0, 10, 0.0, 0.0, 0.0)
     assert left.excess > 0.0

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.choice import DRIVEN_BY, FORK, is_of_its_shape
-from diagnosis.estimation import Fitted, fit
+from diagnosis.estimation import Fitted
 from diagnosis.finding import Accepted, competitors
 from diagnosis.hypotheses import extend, withdraw
 from diagnosis.imitation import imitating
@@ -18,7 +18,7 @@ from diagnosis.pruning import without
 from diagnosis.remainder import Remainder
 from diagnosis.search import Scored, try_all
 from diagnosis.settings import Settings
-from diagnosis.turns import free_of_filter
+from diagnosis.turns import either_way
 from methods.effects.base import Effect
 from methods.parallel import each
 
@@ -42,8 +42,7 @@ def beside(problem: Problem, base: Fitted, rival: Scored, others: Sequence[Accep
         if not point.switches[other.joint, problem.kernel.switches[other.name]]:
             values = base.point.parameters[:, other.joint, problem.kernel.own(other.effect)]
             point = extend(problem, point, other.scored.start.hypothesis, values)
-    fits = fit(problem, point, rounds=2, iterations=10), free_of_filter(problem, point)
-    return min(fits, key=lambda fitted: fitted.criterion)
+    return either_way(problem, point)
 
 
 def confirmed(

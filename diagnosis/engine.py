@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from diagnosis.arm_damping import arm_damping_settled, undivided
+from diagnosis.arm_damping import arm_damping_settled
 from diagnosis.beginning import beginnings_settled
 from diagnosis.choice import (
     FORK,
@@ -29,7 +29,7 @@ from diagnosis.estimation import Fitted, fit, scatters
 from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, stood_for
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, hopped
-from diagnosis.hypotheses import Hypothesis, Start, extend, withdraw
+from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.imitation import imitating
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
@@ -42,6 +42,7 @@ from diagnosis.pruning import (
     deviance,
     elsewhere,
     general,
+    left_out,
     merged,
     merged_afterwards,
     one_dry_friction,
@@ -69,7 +70,7 @@ from diagnosis.search import (
 )
 from diagnosis.settings import LENGTH, SHORTEST, Settings
 from diagnosis.timing import timing_settled
-from diagnosis.turns import free_of_filter, in_turns
+from diagnosis.turns import either_way, free_of_filter, in_turns
 from diagnosis.verdict import allowance, unexplained, verdict
 from methods.effects.base import Effect
 from methods.parallel import each
@@ -243,10 +244,9 @@ class Path:
     """A way through the search: the effects accepted so far, the model with them, and where it could have gone instead.
 
     forks: the other ways at every step, best first. equals: effects with their joints and the laws that explained
-    nearly as much when they were taken.
-    unsteady: the evidence for disturbances that were refused because not all logs have them. optima: where
-    fits stopped in rough ground when a play was found (`diagnosis.hopping`). is_cut: whether the budget left other ways
-    from here untried, or further effects.
+    nearly as much when they were taken. unsteady: the evidence for disturbances that were refused because not all logs
+    have them. optima: where fits stopped in rough ground when a play was found (`diagnosis.hopping`). is_cut: whether
+    the budget left other ways from here untried, or further effects.
     """
 
     base: Fitted
@@ -270,6 +270,10 @@ class Path:
     def scattered(self) -> float:
         """What noise alone would let an effect explain, where small causes grow in the model."""
         return lucky(self.left)
+
+
+Way = Callable[[Path, Accepted], Path | None]
+"""From a path and one of its effects to another path that does better, if there is one."""
 
 
 def shortened(path: Path, others: tuple[Accepted, ...], base: Fitted) -> Path:
@@ -319,7 +323,7 @@ class Search:
             candidates = self.candidates(path, is_full=self.is_full(path))
             if not candidates:
                 break
-            if path.accepted and self.taken > END:
+            if path.accepted and self.is_over:
                 path = replace(path, is_cut=path.excess > 0.0)
                 break
             explained = self.nominal.criterion - path.base.criterion
@@ -442,10 +446,11 @@ class Search:
         What stands beside an effect now may have been missing when it was taken, and a near equal have come second only
         for that. Where something is left, any law may have been what the effect stands in for.
         """
-        cheap = self.with_second, self.with_nothing
-        for way in (*cheap, self.with_near_equal, self.with_any_law):
+        cheap: list[Way] = [self.with_second, self.with_nothing]
+        dear: list[Way] = [partial(self.with_another_law, any_law=any_law) for any_law in (False, True)]
+        for way in cheap + dear:
             for item in path.accepted:
-                if self.taken > END if way in cheap else self.is_spent or not self.asks(path):
+                if self.is_over if way in cheap else self.is_spent or not self.asks(path):
                     return path
                 other = way(path, item)
                 if other is not None:
@@ -460,11 +465,12 @@ class Search:
         others = tuple(other for other in path.accepted if other is not item)
         if not others:
             return None
-        point = undivided(self.problem, withdraw(self.problem, path.base.point, item.name, item.joint))
-        fits = fit(self.problem, point, rounds=2, iterations=10), free_of_filter(self.problem, point)
-        best = min(fits, key=lambda fitted: fitted.criterion)
+        best = either_way(self.problem, left_out(self.problem, path.base.point, item))
         shorter = shortened(path, others, best)
-        return self.grown(shorter) if self.cost(shorter) < self.cost(path) else None
+        if self.cost(shorter) >= self.cost(path):
+            return None
+        longer = self.grown(shorter)
+        return longer if self.cost(longer) < self.cost(path) else None
 
     def with_second(self, path: Path, item: Accepted) -> Path | None:
         """The path with what came second in the place of what was taken then, as it was fitted then but beside all the
@@ -480,13 +486,12 @@ class Search:
         if not others or not seconds:
             return None
         self.tell(f"what came second to {item.label}")
-        price = sum(other.scored.price for other in others)
         fits = each(lambda second: beside(self.problem, path.base, second.scored, others), seconds)
-        fitted, best = min(
-            zip(fits, seconds, strict=True), key=lambda option: option[0].criterion + option[1].scored.price
-        )
-        if fitted.criterion + best.scored.price + price >= self.cost(path) - self.settings.threshold:
+        costs = [cost(self.problem, *option) for option in zip(fits, [(*others, s) for s in seconds], strict=True)]
+        first = int(np.argmin(costs))
+        if costs[first] >= self.cost(path) - self.settings.threshold:
             return None
+        fitted, best = fits[first], seconds[first]
         smaller = without(self.problem, path.base, item)
         explained = self.nominal.criterion - smaller.criterion
         scored = best.scored.refitted(smaller, fitted)
@@ -494,14 +499,6 @@ class Search:
         if chosen is None:
             return None
         return self.instead(path, others, smaller, replace(chosen, considered=best.considered))
-
-    def with_near_equal(self, path: Path, item: Accepted) -> Path | None:
-        """The path with one of its near equals in the place of an effect; None if none does better."""
-        return self.with_another_law(path, item, any_law=False)
-
-    def with_any_law(self, path: Path, item: Accepted) -> Path | None:
-        """The path with any other law in the place of an effect; None if none does better."""
-        return self.with_another_law(path, item, any_law=True)
 
     def with_another_law(self, path: Path, item: Accepted, *, any_law: bool) -> Path | None:
         """The path with another law in the place of an effect: any, or one of its near equals; None if none does
@@ -566,7 +563,7 @@ class Search:
         Few of its starting values come close to the motion, and what other laws imitate of it is found first.
         """
         has_play = any(item.effect.scatters for item in path.accepted)
-        if has_play or not self.incomplete(path) or self.taken > END:
+        if has_play or not self.incomplete(path) or self.is_over:
             return path
         self.tell("a play, begun from everywhere")
         ranked = plays(self.problem, self.nominal, self.candidates(self.start, is_full=False))
@@ -634,6 +631,11 @@ class Search:
     def is_spent(self) -> bool:
         """Whether the search has taken its budget of simulations."""
         return self.taken > 1.0
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has taken so many budgets that it only concludes."""
+        return self.taken > END
 
     def incomplete(self, path: Path) -> bool:
         """Whether something is left that neither noise nor inexact laws account for."""

@@ -90,9 +90,8 @@ def _likelihood(laws: Array, square: Array) -> tuple[float, Array, Array]:
 
     def deviance(x: Array) -> tuple[float, Array]:
         variance = np.maximum(x @ columns, LEAST * mean)
-        return float(np.mean(np.log(variance) + square / variance)), columns @ (
-            1.0 / variance - square / variance**2
-        ) / n
+        slope = columns @ (1.0 / variance - square / variance**2) / n
+        return float(np.mean(np.log(variance) + square / variance)), slope
 
     n, count = len(square), len(columns)
     best = minimize(deviance, np.full(count, 1.0 / count), jac=True, method="L-BFGS-B", bounds=[(0.0, None)] * count)

@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.arm_damping import undivided
 from diagnosis.beginning import started
 from diagnosis.choice import materiality
-from diagnosis.estimation import Fitted, covariance, errors, fit, plain
+from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import proposals, sizes_of, withdraw
 from diagnosis.instants import happens
@@ -345,5 +345,9 @@ def _weakest(problem: Problem, base: Fitted, accepted: Sequence[Accepted]) -> tu
 
 def without(problem: Problem, base: Fitted, item: Accepted, *, divided: bool = False) -> Fitted:
     """The model refitted without one of its effects; divided: see `diagnosis.hypotheses.withdraw`."""
-    point = undivided(problem, withdraw(problem, base.point, item.name, item.joint, divided=divided))
-    return fit(problem, point, rounds=2, iterations=4, tolerance=1e-4)
+    return fit(problem, left_out(problem, base.point, item, divided=divided), rounds=2, iterations=4, tolerance=1e-4)
+
+
+def left_out(problem: Problem, point: Point, item: Accepted, *, divided: bool = False) -> Point:
+    """The model as it is without one of its effects."""
+    return undivided(problem, withdraw(problem, point, item.name, item.joint, divided=divided))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import filterfalse
 from typing import TypeVar
 
@@ -203,11 +204,14 @@ def met(
     if not effect.scatters or effect.starts is None:
         return []
     every = [np.tile(np.array(values, float), (problem.logs, 1)) for values in effect.starts(size)]
-    starts = [Start(Hypothesis(effect, joint), values, 0.0, len(every)) for values in every]
-    points = [extend(problem, base.point, start.hypothesis, start.values) for start in starts]
-    if is_thorough and not problem.pair:
-        points = [other for point in points for other in apportioned(point, joint)]
-        starts = [start for start in starts for _ in range(len(points) // len(starts))]
+    variants = partial(apportioned, joint=joint) if is_thorough and not problem.pair else lambda point: [point]
+    begun = [
+        (values, point)
+        for values in every
+        for point in variants(extend(problem, base.point, Hypothesis(effect, joint), values))
+    ]
+    starts = [Start(Hypothesis(effect, joint), values, 0.0, len(begun)) for values, _ in begun]
+    points = [point for _, point in begun]
     cost = price(problem, starts[0], base.samples)
     count, before = max(2, min(AT_ONCE, MEMORY // base.error.size)), float(np.sum(base.error[problem.used] ** 2))
     close: list[tuple[float, Start, Point]] = []

@@ -32,6 +32,12 @@ def free_of_filter(problem: Problem, point: Point) -> Fitted:
     return to_innovations(problem, to_errors(problem, point))
 
 
+def either_way(problem: Problem, point: Point) -> Fitted:
+    """The better one of a fit to the innovations and one that begins with the errors as they are."""
+    fits = fit(problem, point, rounds=2, iterations=10), free_of_filter(problem, point)
+    return min(fits, key=lambda fitted: fitted.criterion)
+
+
 def to_errors(problem: Problem, point: Point) -> Fitted:
     """Fit to the errors as they are."""
     return fit(problem, point, unfiltered(problem), rounds=1, iterations=10, renewed=False)

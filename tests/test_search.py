@@ -665,7 +665,7 @@ def test_a_near_equal_takes_the_place_of_an_effect_where_it_does_better() -> Non
         then = replace(item.scored, decrease=100.0 + item.scored.price)  # beside what is there no longer
         item = replace(item, scored=then, considered=(Ranked(second, 0, 100.0 * share, 0.0),))
         path = Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,), equals=near_equals(item))
-        return [item.label for item in (search.with_near_equal(path, item) or path).accepted]
+        return [item.label for item in (search.with_another_law(path, item, any_law=False) or path).accepted]
 
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.95) == ["coulomb_friction"]
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.5) == ["quadratic_drag"]
@@ -1260,9 +1260,9 @@ def test_jitter_shows_in_continuous_readings_behind_dry_friction() -> None:
     facts = (replace(log.facts[0], encoder_step=None),)
     problem = stack(KERNEL, [replace(log, position=motion[:, None], facts=facts)], (1,))
     fitted = accepted(problem, fit_nominal(problem, (JointStructure(),)), "coulomb_friction", [0.3]).scored.fitted
-    square = fitted.innovation.copy()
-    square[:20] = 100.0 * np.std(square)
-    found, far_out = jitter(problem, fitted, 0), jitter(problem, replace(fitted, innovation=square), 0)
+    spoilt = fitted.innovation.copy()
+    spoilt[:20] = 100.0 * np.std(spoilt)
+    found, far_out = jitter(problem, fitted, 0), jitter(problem, replace(fitted, innovation=spoilt), 0)
     assert found is not None
     assert far_out is not None
     assert found.rms == pytest.approx(2e-4, rel=0.05)

@@ -8,7 +8,7 @@ import math
 from methods.effects.base import Effect, EffectParameter
 
 LARGEST = 0.5
-"""Amplitude [rad]: beyond 1 the reading of a turning disc would go back."""
+"""Of either part [rad]; from an amplitude of 1 on the reading of a turning disc would go back."""
 
 
 def sensor(q, p):

@@ -714,6 +714,29 @@ def test_what_was_taken_first_goes_where_those_after_it_do_as_well_alone() -> No
     assert search.exchanged(other) is other
 
 
+@pytest.mark.parametrize("is_left", [True, False])
+def test_a_play_is_begun_from_everywhere_only_where_something_is_left(
+    is_left: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it explains stays if it costs less; here friction is what is said to have been found so."""
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    few = [NAMED["coulomb_friction"], NAMED["quadratic_drag"]]
+    search = Search(problem, (JointStructure(),), few, Settings(), nominal, lambda text: None)
+    drag, friction = (
+        accepted(problem, nominal, *law) for law in (("quadratic_drag", [0.01]), ("coulomb_friction", [0.2]))
+    )
+    found = [friction.scored]
+    monkeypatch.setattr("diagnosis.engine.plays", lambda *given: found)
+    monkeypatch.setattr(Search, "incomplete", lambda self, path: is_left)
+    path = Path(drag.scored.fitted, (drag,), frozenset({("quadratic_drag", 0)}), (nominal,))
+    other = search.with_play(path)
+    assert [item.label for item in other.accepted] == ["coulomb_friction" if is_left else "quadratic_drag"]
+    found.clear()
+    assert search.with_play(path) is path
+
+
 def test_a_stand_in_for_two_laws_gives_way_to_both() -> None:
     """Stribeck friction that falls with the speed is dry friction, drag and damping together."""
     noise = 1e-4 * np.random.default_rng(0).standard_normal(5000)

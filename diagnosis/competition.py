@@ -10,13 +10,13 @@ import numpy as np
 from diagnosis.choice import DRIVEN_BY, FORK, is_of_its_shape
 from diagnosis.estimation import Fitted
 from diagnosis.finding import Accepted, competitors
-from diagnosis.hypotheses import extend, withdraw
-from diagnosis.imitation import imitating
+from diagnosis.hypotheses import Hypothesis, Start, extend, withdraw
+from diagnosis.imitation import alike, imitating, in_place
 from diagnosis.other_bases import either
 from diagnosis.problem import Problem
 from diagnosis.pruning import without
 from diagnosis.remainder import Remainder
-from diagnosis.search import Scored, try_all
+from diagnosis.search import Scored, described, score, try_all
 from diagnosis.settings import Settings
 from diagnosis.turns import either_way
 from methods.effects.base import Effect
@@ -43,6 +43,34 @@ def beside(problem: Problem, base: Fitted, rival: Scored, others: Sequence[Accep
             values = base.point.parameters[:, other.joint, problem.kernel.own(other.effect)]
             point = extend(problem, point, other.scored.start.hypothesis, values)
     return either_way(problem, point)
+
+
+def other_forms(item: Accepted, accepted: Sequence[Accepted], effects: Sequence[Effect]) -> list[Effect]:
+    """The forms of an effect's law that cannot be beside it, and can be beside all others of its joint."""
+    there = {other.name for other in accepted if other.joint == item.joint and other is not item}
+    return [
+        form
+        for form in effects
+        if form.label == item.label and form.name in set(item.effect.excludes) - set(item.effect.includes)
+        if not form.scatters and not there & {form.name, *form.excludes}
+    ]
+
+
+def in_another_form(problem: Problem, base: Fitted, smaller: Fitted, item: Accepted, form: Effect) -> Scored | None:
+    """An effect of the base in another form of its law, begun where that does the same, or with what both describe;
+    None where they have nothing in common. smaller: the model without the effect, to which the score refers.
+
+    Which form it has may show only beside another effect: a sine's heat follows its current once that is known.
+    """
+    start = alike(problem, base, item.effect, form, item.joint)
+    if start is None:
+        known = described(problem, base.point, [item.effect], item.joint)
+        if not known.keys() >= {parameter.name for parameter in form.parameters}:
+            return None
+        values = np.column_stack([known[parameter.name] for parameter in form.parameters])
+        apart = item.scored.start.hypothesis.apart
+        start = Start(Hypothesis(form, item.joint, apart=apart), values, 0.0, item.scored.start.searched)
+    return score(problem, smaller, start, either_way(problem, in_place(problem, base, item.effect, start)))
 
 
 def confirmed(

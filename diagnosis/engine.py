@@ -24,7 +24,15 @@ from diagnosis.choice import (
     nearly_as_good,
     stays_itself,
 )
-from diagnosis.competition import beside, confirmed, disguised, in_other_terms, simpler_rivals
+from diagnosis.competition import (
+    beside,
+    confirmed,
+    disguised,
+    in_another_form,
+    in_other_terms,
+    other_forms,
+    simpler_rivals,
+)
 from diagnosis.estimation import Fitted, fit, scatters
 from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, stood_for
 from diagnosis.following import following_settled
@@ -334,7 +342,7 @@ class Search:
                 complete = path.excess <= allowance(self.nominal, path.base)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
                 needed = max(needed, path.scattered)
-            repaired = self.repaired(path, candidates, explained)
+            repaired = self.reformed(path) or self.repaired(path, candidates, explained)
             if repaired is not None:
                 path = repaired
                 continue
@@ -369,6 +377,26 @@ class Search:
                 break
             path = longer
         return path if path.left else replace(path, left=remainders(problem, path.base))
+
+    def reformed(self, path: Path) -> Path | None:
+        """The path with another form of the law of an earlier effect in its place, where that does better beside those
+        that came later; None otherwise, or where nothing is left."""
+        if path.excess == 0.0:
+            return None
+        problem, accepted = self.problem, path.accepted
+        options = [(item, form) for item in accepted[:-1] for form in other_forms(item, accepted, self.effects)]
+        if not options:
+            return None
+        self.tell("other forms of the laws that are there")
+        smaller = {item: without(problem, path.base, item) for item, _ in options}
+        found = each(lambda option: in_another_form(problem, path.base, smaller[option[0]], *option), options)
+        fits = [(item, scored) for (item, _), scored in zip(options, found, strict=True) if scored is not None]
+        if not fits:
+            return None
+        item, best = min(fits, key=lambda option: option[1].fitted.criterion + option[1].price)
+        others = tuple(other for other in accepted if other is not item)
+        longer = self.advanced(shortened(path, others, smaller[item]), replace(item, scored=best))
+        return longer if self.cost(longer) < self.cost(path) - self.settings.threshold else None
 
     def repaired(self, path: Path, candidates: Sequence[tuple[Effect, int]], explained: float) -> Path | None:
         """The path with a general form of a law that is there in its place, where that leaves nothing; None otherwise.

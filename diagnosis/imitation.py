@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from diagnosis.estimation import Fitted, fit, predicted_motion
+from diagnosis.estimation import Fitted, Point, fit, predicted_motion
 from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of, withdraw
 from diagnosis.problem import Problem
 from diagnosis.search import Scored, score
@@ -77,6 +77,21 @@ def imitating(
 ) -> Scored | None:
     """Another law in the place of an effect of the base; None where either is no function of the signals, or it cannot
     do nearly the same. smaller: the model without the effect, to which the score refers."""
+    start = alike(problem, base, effect, other, joint)
+    if start is None:
+        return None
+    return score(problem, smaller, start, fit(problem, in_place(problem, base, effect, start), rounds=2, iterations=10))
+
+
+def in_place(problem: Problem, base: Fitted, effect: Effect, start: Start) -> Point:
+    """The base with what another law starts from in the place of an effect."""
+    hypothesis = start.hypothesis
+    return extend(problem, withdraw(problem, base.point, effect.name, hypothesis.joint), hypothesis, start.values)
+
+
+def alike(problem: Problem, base: Fitted, effect: Effect, other: Effect, joint: int) -> Start | None:
+    """Where another law does the same as an effect of the base; None where either is no function of the signals, or it
+    cannot do nearly that."""
     values = base.point.parameters[0, joint, problem.kernel.own(effect)]
     signals = before(effect, Signals.of(problem, base, joint), values)
     own, theirs = resistance(effect, signals), resistance(other, signals)
@@ -86,7 +101,7 @@ def imitating(
     aside = lambda torque: torque - speed * (speed @ torque)  # the damping moves along  # noqa: E731
     wanted = aside(own(values))
     bounds = [p.lower for p in other.parameters], [p.upper for p in other.parameters]
-    starts = [np.clip(values, *bounds) for values in other.starts(sizes_of(problem, smaller)[joint])]
+    starts = [np.clip(values, *bounds) for values in other.starts(sizes_of(problem, base)[joint])]
     if not starts:
         return None
     differ = lambda p: aside(theirs(p)) - wanted  # noqa: E731
@@ -94,6 +109,4 @@ def imitating(
     best = min(fits, key=lambda fitted: fitted.cost)
     if 2.0 * best.cost > ALIKE**2 * np.sum(wanted**2):
         return None
-    start = Start(Hypothesis(other, joint), np.tile(best.x, (problem.logs, 1)), 0.0, len(starts))
-    point = extend(problem, withdraw(problem, base.point, effect.name, joint), start.hypothesis, start.values)
-    return score(problem, smaller, start, fit(problem, point, rounds=2, iterations=10))
+    return Start(Hypothesis(other, joint), np.tile(best.x, (problem.logs, 1)), 0.0, len(starts))

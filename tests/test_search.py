@@ -25,10 +25,10 @@ from diagnosis.choice import (
     stays_itself,
     textbook,
 )
-from diagnosis.competition import confirmed, in_other_terms, simpler_rivals
+from diagnosis.competition import confirmed, in_other_terms, other_forms, simpler_rivals
 from diagnosis.engine import Fork, Path, Search, find, is_foreseen, with_jitter
 from diagnosis.estimation import errors, finish, fit, plain, predicted_motion, sensitivities
-from diagnosis.finding import Accepted, Finding, near_equals
+from diagnosis.finding import Accepted, Finding, near_equals, stood_for
 from diagnosis.first_fits import nearest, retuned
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, scan, sizes_of, withdraw
 from diagnosis.imitation import Signals, imitating, resistance
@@ -40,7 +40,7 @@ from diagnosis.other_bases import also_from_regression, also_without_limits, set
 from diagnosis.problem import KnownTorques, Problem, Work, evenly, in_band, stack
 from diagnosis.pruning import general, merged, merged_afterwards, prune, unified
 from diagnosis.regression import View, effective_samples
-from diagnosis.remainder import Remainder, remainder, shows_blows
+from diagnosis.remainder import Remainder, remainder, remainders, shows_blows
 from diagnosis.replay import imitated_floor, noise_floor, transfer
 from diagnosis.search import (
     Ranked,
@@ -692,6 +692,56 @@ def test_what_came_second_takes_its_place_beside_all_others_though_nothing_is_le
     assert {item.label for item in other.accepted} == {"coulomb_friction", "cable_spring"}
     right = Path(other.base, other.accepted, other.present, (nominal,), forks=(replace(fork, other=drag),))
     assert search.exchanged(right) is right
+
+
+@pytest.mark.parametrize(
+    ("true", "taken", "values"),
+    [
+        ({"thermal_drift": {"resistance_rise": 0.3, "time_constant": 3.0}}, "thermal_drift_steady", [0.3, 3.0]),
+        ({"thermal_drift_steady": {"resistance_rise": 0.3, "time_constant": 3.0}}, "thermal_drift", [0.3, 3.0]),
+        ({"supply_sag_by_power": {"gain": 0.05}}, "supply_sag_by_command", [0.05]),
+        ({"supply_sag_by_command": {"gain": 0.1}}, "supply_sag", [0.05]),
+    ],
+)
+def test_an_effect_takes_another_form_of_its_law_beside_what_was_found_later(
+    true: dict[str, dict[str, float]], taken: str, values: list[float]
+) -> None:
+    """Which form it has may not show before."""
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of(true | {"gravity_tilt": {"sine": 0.3, "cosine": 0.5}}, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    search = Search(problem, (JointStructure(),), EFFECTS, Settings(), nominal, lambda text: None)
+    form = accepted(problem, nominal, taken, values)
+    tilt = accepted(problem, form.scored.fitted, "gravity_tilt", [0.3, 0.5])
+    present = stood_for(form) | stood_for(tilt)
+    path = Path(tilt.scored.fitted, (form, tilt), present, (nominal,))
+    assert search.reformed(path) is None  # nothing is known to be left
+    left = remainders(problem, path.base)
+    assert left[0].excess > 0.0
+    other = search.reformed(replace(path, left=left))
+    assert other is not None
+    assert {item.name for item in other.accepted} == {*true, "gravity_tilt"}
+    (name, own), *_ = true.items()
+    column = problem.kernel.column(NAMED[name], *list(own)[:1])
+    assert other.base.point.parameters[0, 0, column] > 0.0
+    assert search.reformed(replace(other, left=left)) is None
+
+
+def test_forms_that_are_fitted_in_the_place_of_a_law() -> None:
+    """Those that cannot be beside it, and can be beside the others."""
+    problem = problem_of({})
+    nominal = fit_nominal(problem, (JointStructure(),))
+
+    def forms(*names: str) -> set[str]:
+        items = [accepted(problem, nominal, name, [0.01] * NAMED[name].size) for name in names]
+        return {form.name for form in other_forms(items[0], items, EFFECTS)}
+
+    assert forms("coulomb_friction", "thermal_drift") == set()
+    assert forms("thermal_drift_steady") == {"thermal_drift", "thermal_drift_copper"}
+    assert forms("thermal_drift_copper") == {"thermal_drift_steady"}
+    assert forms("torque_ripple", "torque_ripple_2") == set()
+    assert forms("torque_ripple") == {"torque_ripple_reciprocal"}
+    assert forms("backlash_load_side") == set()
 
 
 def test_what_was_taken_first_goes_where_those_after_it_do_as_well_alone() -> None:

@@ -6,10 +6,12 @@ Exit status: 0 done (with any verdict), 1 a check failed, 2 unusable input, said
 from __future__ import annotations
 
 import sys
+from itertools import islice
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperOption
 
 PACKAGES = ("envs", "methods", "diagnosis", "benchmarks")
 """Where the project's own errors come from: their text is meant for the user."""
@@ -26,6 +28,39 @@ data_app = typer.Typer(no_args_is_help=True, help="Log files and the recordings 
 app.add_typer(data_app, name="data")
 bench_app = typer.Typer(no_args_is_help=True, help="Methods measured by one yardstick.", rich_markup_mode=None)
 app.add_typer(bench_app, name="bench")
+
+HELD_OUT = "--holdout"
+
+
+class HoldoutCommand(TyperCommand):
+    """A command that fits some recordings and keeps others apart: ``LOG… --holdout LOG…``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        valued = {name for p in self.params if isinstance(p, TyperOption) and not p.is_flag for name in p.opts}
+        return super().parse_args(ctx, held_out_together(args, valued))
+
+
+def held_out_together(arguments: list[str], valued: set[str]) -> list[str]:
+    """The arguments with --holdout before every file that follows one directly; as they are if that leaves no other
+    file. valued: the options that take a value."""
+    found: list[str] = []
+    others, is_held = 0, False
+    rest = iter(arguments)
+    for argument in rest:
+        if argument == "--":
+            left = list(rest)
+            found, others = [*found, argument, *left], others + len(left)
+        elif argument.startswith("-"):
+            name, has_value, _ = argument.partition("=")
+            found += [argument, *([*islice(rest, 1)] if name in valued and not has_value else [])]
+            is_held = name == HELD_OUT
+        elif is_held:
+            found += [HELD_OUT, argument]
+        else:
+            found.append(argument)
+            others += 1
+    return found if others else arguments
+
 
 LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings: CSV, Parquet, NPZ, MATLAB, ROS bag")]
 ColumnMapFile = Annotated[
@@ -68,12 +103,12 @@ def record(
     typer.echo(recording.save(out))
 
 
-@app.command()
+@app.command(cls=HoldoutCommand)
 def diagnose(
     logs: LogFiles,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where report and model are written")],
     holdout: Annotated[
-        list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Recordings for the gain only; repeatable")
+        list[Path] | None, typer.Option(HELD_OUT, metavar="LOG…", help="Recordings for the gain only")
     ] = None,
     robot: Annotated[
         str | None, typer.Option("--robot", metavar="ROBOT", help="adeptone, a rig's name or a TOML description")
@@ -98,7 +133,7 @@ def diagnose(
     typer.echo(said)
 
 
-@app.command()
+@app.command(cls=HoldoutCommand)
 def fit(
     logs: LogFiles,
     method: Annotated[
@@ -106,7 +141,7 @@ def fit(
     ],
     out: Annotated[Path, typer.Option("--out", metavar="MODEL", help="The fitted model, JSON")],
     holdout: Annotated[
-        list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Recordings for the error only; repeatable")
+        list[Path] | None, typer.Option(HELD_OUT, metavar="LOG…", help="Recordings for the error only")
     ] = None,
     robot: Annotated[
         str | None, typer.Option("--robot", metavar="ROBOT", help="adeptone, a rig's name or a TOML description")

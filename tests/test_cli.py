@@ -185,3 +185,41 @@ def test_data_list_and_verify(
     assert "emps: 0 of 2 files sound" in capsys.readouterr().out
     assert run("data", "verify", "nobody", monkeypatch=monkeypatch) == 2
     assert "Choose one of" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "understood"),
+    [
+        ("a b --holdout c d --out o", "a b --holdout c --holdout d --out o"),
+        ("a b --holdout c --holdout d --out o", "a b --holdout c --holdout d --out o"),
+        ("a --out o --holdout=c d", "a --out o --holdout=c --holdout d"),
+        ("--holdout c d --out o a b", "--holdout c --holdout d --out o a b"),
+        ("--holdout c --repair a b", "--holdout c --repair a b"),
+        ("--holdout c a b --out o", "--holdout c a b --out o"),
+        ("a --holdout c -- d", "a --holdout c -- d"),
+        ("a --holdout", "a --holdout"),
+    ],
+)
+def test_all_files_that_follow_holdout_are_held_out(given: str, understood: str) -> None:
+    """As the usage line reads; without other files, only the first, since something has to be fitted."""
+    assert adeptone.held_out_together(given.split(), {"--holdout", "--out"}) == understood.split()
+
+
+def test_diagnose_and_fit_hold_several_files_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[list[Path]] = []
+
+    def said(logs: list[Path], holdout: list[Path], *others: object, **options: object) -> str:
+        seen.extend([logs, holdout])
+        return ""
+
+    monkeypatch.setattr("diagnosis.run.diagnose_files", said)
+    run("diagnose", "a.csv", "b.csv", "--holdout", "c.csv", "d.csv", "--out", "o", monkeypatch=monkeypatch)
+    assert [[path.name for path in paths] for paths in seen] == [["a.csv", "b.csv"], ["c.csv", "d.csv"]]
+
+    def fitted(method: str, logs: list[Path], out: Path, *, holdout: list[Path], **options: object) -> str:
+        return said(logs, holdout)
+
+    monkeypatch.setattr("methods.fitting.fit_files", fitted)
+    words = ["fit", "--method", "ridge", "a.csv", "--holdout", "c.csv", "d.csv", "--out", "o.json"]
+    run(*words, monkeypatch=monkeypatch)
+    assert [[path.name for path in paths] for paths in seen[2:]] == [["a.csv"], ["c.csv", "d.csv"]]

@@ -64,6 +64,11 @@ class Point:
         """The same with the values of those of its free parameters that are among the given ones, within bounds."""
         return self.within(np.array([{**self.values, **values}[f.name] for f in self.free]))
 
+    @property
+    def contradicted(self) -> float:
+        """Sum of squares by which the free parameters miss what is known of them, over their standard deviations."""
+        return float(sum(((x - f.centre) / f.deviation) ** 2 for f, x in zip(self.free, self.vector, strict=True)))
+
     def value(self, name: str) -> float:
         return self.vector[[f.name for f in self.free].index(name)]
 
@@ -313,9 +318,8 @@ def criterion_at(problem: Problem, point: Point, error: Array, filter_: Whitener
 def _criterion(point: Point, error: Array, innovation: Array, filter_: Whitener, floor: Array, credible: bool) -> float:
     rows = innovation.reshape(len(filter_.coefficients), -1)
     spread = np.mean(rows**2, axis=1) if credible else np.mean(error**2, axis=0)
-    known = sum(((x - f.centre) / f.deviation) ** 2 for f, x in zip(point.free, point.vector, strict=True))
     began = float(np.sum(filter_.log_determinant))
-    return float(rows.shape[1] * np.sum(np.log(spread + floor)) + began + known)
+    return float(rows.shape[1] * np.sum(np.log(spread + floor)) + began + point.contradicted)
 
 
 def _systems(

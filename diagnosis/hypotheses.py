@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
+from diagnosis.behind import borne
 from diagnosis.estimation import Fitted, Point, errors, predicted_motion, scatters
 from diagnosis.glance import Glance, can_be_glanced_at
 from diagnosis.problem import Free, Problem, scales, smooth_derivatives
@@ -115,6 +116,12 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
         parameters[:, j, FOLLOWING] = 1.0
     parameters[:, j, problem.kernel.own(effect)] = values
     switches[j, problem.kernel.switches[effect.name]] = True
+    if problem.pair and effect.parts_the_arm:
+        parting = [
+            next((e for e, on in zip(problem.kernel.effects, row, strict=True) if on and e.parts_the_arm), None)
+            for row in switches
+        ]
+        parameters = borne(problem, point.rigid, parameters, parting, j)
     if hypothesis.log >= 0:
         for a in effect.amplitudes:
             parameters[[log for log in range(problem.logs) if log != hypothesis.log], j, offset + a] = 0.0

@@ -222,8 +222,8 @@ def general(
 
     A small one beside others counts as weak whatever its evidence: where small causes grow, or a law beside it is
     inexact, any law that shapes the fitted motion a little finds some. So does one beside torques of the rest of an
-    arm, which are as inexact as the measured motion: it also has to bring free simulations closer. What it gains has to
-    be of the motion, too.
+    arm, which are as inexact as the measured motion: it also has to bring free simulations closer, unless without it a
+    stated number would be wrong beyond what it costs. What it gains has to be of the motion, too.
     """
     small = settings.doubtful * (nominal.criterion - base.criterion)
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
@@ -241,12 +241,24 @@ def general(
             smaller.criterion - base.criterion > item.scored.price
             and (not is_weak or happens(held_out, there.point, item.effect, item.joint))
             and not misfit(less) < misfit(there)
-            and (problem.arm is None or astray(held_out, there) < astray(held_out, less))
+            and (problem.arm is None or is_stated(item, base, smaller, settings) or is_closer(held_out, there, less))
             and is_of_motion(problem, base, smaller)
         )
         if not shows:
             accepted, base = [other for other in accepted if other is not item], smaller
     return accepted, base
+
+
+def is_stated(item: Accepted, base: Fitted, smaller: Fitted, settings: Settings) -> bool:
+    """Whether the model without an effect contradicts what is known of its parameters by more than the effect costs: a
+    winding's lag of five times the stated one stands for a delay."""
+    more = smaller.point.contradicted - base.point.contradicted
+    return more > item.scored.price + settings.threshold
+
+
+def is_closer(held_out: Problem, there: Fitted, less: Fitted) -> bool:
+    """Whether free simulations of data that are not fitted come closer with an effect than without it."""
+    return astray(held_out, there) < astray(held_out, less)
 
 
 def astray(held_out: Problem, there: Fitted) -> float:

@@ -112,6 +112,7 @@ LANE_ROWS = (
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
     *("COMMAND", "READING", "BESIDE", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN"),
     *("FIRST_INERTIA", "CROSS", "SECOND_INERTIA"),
+    *("PARTED", "SPRING", "GIVEN", "BEHIND", "DRIVE", "ANGLE", "RATE", "ROTOR", "TURNING"),
 )
 """Rows of the lanes' scratch: states, states within a step, their rates, the same at its beginning and summed over its
 stages, in the same order, then what the lanes need once; those of the parameters follow."""
@@ -1304,6 +1305,7 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
             S[(FIRST_PARAMETER + column) * LANES + l] = p[l, column]
         _present(on[l], has[l])
         parted[l] = _flexible(on[l]) or _playing(on[l])
+        S[PARTED_ + l], S[SPRING_ + l] = 1.0 * parted[l], 1.0 * (not _playing(on[l]))
     return springs, plays
 
 
@@ -1385,7 +1387,7 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
         for l in range(LANES):
             S[R_ + l] -= S[SIGN_ + l] * S[LEVEL_ + l]
     if rigid is not None and split:
-        _parted_pairs(S, p, on)
+        _parted_pairs(S, p, on, any_on, has[3], hanging)
     elif rigid is not None:
         _planar_lanes(S, p, on, any_on, has[3], hanging)
     elif ends == ONE_BODY:
@@ -1474,14 +1476,81 @@ def _planar_lanes(S, p, on, any_on, dry, hanging):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _parted_pairs(S, p, on):
-    """As `_planar_lanes` where springs or plays are among the joints, one pair after the other (`_coupled`)."""
+def _parted_pairs(S, p, on, any_on, dry, hanging):
+    """`_coupled` of candidates whose joints lie in the first and in the second half of the lanes: rows as they are for
+    those that have a spring or a play (PARTED) and those that have none. What rests, and what no row says, goes one
+    pair after the other."""
+    if _carries(any_on):
+        for l in range(LANES):
+            S[ADDED_ + l] = _payload(S[T_ + l], p[l], on[l])
+    for l in range(LANES):
+        S[GIVEN_ + l] = S[R_ + l]
+        d = S[QS_ + l] - S[QLS_ + l]
+        deep = d - S[HALF_ + l] * (1.0 * (d > 0.0) - 1.0 * (d < 0.0))
+        al = S[OMEGA_ + l] * (S[OMEGA_ + l] * deep + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
+        al *= max(1.0 * (abs(d) > S[HALF_ + l]) * (1.0 * (al * d >= 0.0)), S[SPRING_ + l])
+        whole = S[INERTIA_ + l] + S[ADDED_ + l]
+        S[BEHIND_ + l] = whole * S[SHARE_ + l]
+        S[DRIVE_ + l] = S[BEHIND_ + l] * al
+        S[R_ + l] -= S[DRIVE_ + l]
+        S[DDQ_ + l] = S[R_ + l] / (whole * (1.0 - S[SHARE_ + l]))
+    for l in range(LANES):
+        parted, whole = S[PARTED_ + l], 1.0 - S[PARTED_ + l]
+        against = S[ARM_ + l] + S[ARM_VISCOUS_ + l] * S[DQLS_ + l]
+        S[DRIVE_ + l] = parted * (S[DRIVE_ + l] - against) + whole * S[R_ + l]
+        S[BEHIND_ + l] = parted * S[BEHIND_ + l] + whole * (S[INERTIA_ + l] + S[ADDED_ + l])
+        S[ANGLE_ + l] = parted * S[QLS_ + l] + whole * S[QS_ + l]
+        S[RATE_ + l] = parted * S[DQLS_ + l] + whole * S[DQS_ + l]
+    if hanging:
+        for l in range(HALF):
+            q1, q2 = S[ANGLE_ + l], S[ANGLE_ + l] + S[ANGLE_ + l + HALF]
+            pull = S[GRAVITY_SINE_ + l + HALF] * _sine(q2) + S[GRAVITY_COSINE_ + l + HALF] * _cosine(q2)
+            S[PLACE_ + l + HALF] = pull
+            S[PLACE_ + l] = pull / S[RATIO_ + l] + (
+                S[GRAVITY_SINE_ + l] * _sine(q1) + S[GRAVITY_COSINE_ + l] * _cosine(q1))
+    else:
+        for l in range(LANES):
+            S[PLACE_ + l] = 0.0
+    for l in range(HALF):
+        S[TURN_ + l] = _sine(S[ANGLE_ + HALF + l])
+        S[CROSS_ + l] = _cosine(S[ANGLE_ + HALF + l])
     for l in range(HALF):
         m = l + HALF
-        S[DDQ_ + l], S[DDQ_ + m], S[DDQL_ + l], S[DDQL_ + m], S[R_ + l], S[R_ + m] = _coupled(
-            S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[QS_ + m], S[DQS_ + m], S[QLS_ + m],
-            S[DQLS_ + m], S[R_ + l], S[R_ + m], S[ARM_ + l], S[ARM_ + m], S[FREE_ + l] == 0.0, S[FREE_ + m] == 0.0,
-            p[l], p[m], on[l], on[m], S[COUPLING_ + l], S[RATIO_ + l], S[SHARED_ + l])
+        added = S[ADDED_ + m] / S[RATIO_ + l]
+        own, carried = S[INERTIA_ + m] / S[RATIO_ + l] + added, S[SHARED_ + l] + added
+        behind = S[PARTED_ + m] * (S[BEHIND_ + m] / S[RATIO_ + l]) + (1.0 - S[PARTED_ + m]) * own
+        S[ROTOR_ + l] = S[PARTED_ + m] * (own - behind)
+        S[TURNING_ + l] = min(max(carried - behind, 0.0), S[ROTOR_ + l])
+        carried = S[PARTED_ + m] * min(carried, behind) + (1.0 - S[PARTED_ + m]) * carried
+        S[SECOND_INERTIA_ + l] = behind
+        turning, rotor = S[TURNING_ + l], max(S[ROTOR_ + l], 1e-300)
+        S[DRIVE_ + l] -= turning / rotor * S[R_ + m] / S[RATIO_ + l]
+        S[FIRST_INERTIA_ + l] = (
+            S[BEHIND_ + l] + turning - turning * turning / rotor + carried + 2.0 * S[COUPLING_ + l] * S[CROSS_ + l])
+        S[CROSS_ + l] = carried + S[COUPLING_ + l] * S[CROSS_ + l]
+    for l in range(HALF):
+        m = l + HALF
+        d1, d2, pull = S[RATE_ + l], S[RATE_ + m], S[COUPLING_ + l] * S[TURN_ + l]
+        one, two, cross = S[FIRST_INERTIA_ + l], S[SECOND_INERTIA_ + l], S[CROSS_ + l]
+        r1 = S[DRIVE_ + l] + pull * (2.0 * d1 * d2 + d2 * d2) - S[PLACE_ + l]
+        r2 = (S[DRIVE_ + m] - S[PLACE_ + m]) / S[RATIO_ + l] - pull * d1 * d1
+        det = one * two - cross * cross
+        S[DDQL_ + l] = (two * r1 - cross * r2) / det
+        S[DDQL_ + m] = (one * r2 - cross * r1) / det
+        S[DDQ_ + m] -= S[TURNING_ + l] * S[DDQL_ + l] / max(S[ROTOR_ + l], 1e-300)
+        S[DRIVE_ + l], S[DRIVE_ + m] = r1, r2 * S[RATIO_ + l]
+    for l in range(LANES):
+        parted, whole = S[PARTED_ + l], 1.0 - S[PARTED_ + l]
+        S[DDQ_ + l] = parted * S[DDQ_ + l] + whole * S[DDQL_ + l]
+        S[R_ + l] = parted * S[R_ + l] + whole * S[DRIVE_ + l]
+    for l in range(HALF):
+        m = l + HALF
+        rests = dry and S[FREE_ + l] * S[FREE_ + m] == 0.0
+        if rests or (PLAY_POWER >= 0 and (on[l, PLAY_POWER] or on[m, PLAY_POWER])):
+            S[DDQ_ + l], S[DDQ_ + m], S[DDQL_ + l], S[DDQL_ + m], S[R_ + l], S[R_ + m] = _coupled(
+                S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[QS_ + m], S[DQS_ + m], S[QLS_ + m],
+                S[DQLS_ + m], S[GIVEN_ + l], S[GIVEN_ + m], S[ARM_ + l], S[ARM_ + m], S[FREE_ + l] == 0.0,
+                S[FREE_ + m] == 0.0, p[l], p[m], on[l], on[m], S[COUPLING_ + l], S[RATIO_ + l], S[SHARED_ + l])
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')

@@ -1,5 +1,6 @@
 """Two coupled joints in the compiled models: one at rest that the other pushes, and the fast form of the simulation."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from envs.log import Array, JointFacts, Log
 from envs.robots import find_robot
 from methods.base import State
 from methods.effects import built_in
-from methods.kernel import build
+from methods.kernel import NOMINAL, build
 from methods.structured import PlanarCoupling, StructuredJoint, StructuredModel
 
 EFFECTS = built_in()
@@ -168,6 +169,59 @@ def test_simulation_in_registers_is_the_general_one(problem: Problem, names: lis
     assert np.array_equal(errors(problem, [point])[0], predicted)
     if names:
         assert not np.array_equal(errors(problem, [nominal.point])[0], predicted)
+
+
+@pytest.mark.parametrize(
+    ("inertias", "rigid", "joint", "share"),
+    [
+        ((0.053, 0.00934), (-0.0124, 3.94, 0.0110), 1, 0.5),  # the motor alone was felt behind a soft spring
+        ((0.053, 0.00934), (-0.0124, 3.94, 0.0110), 1, 0.15),
+        ((0.053, 0.00934), (-0.0124, 3.94, 0.0110), 0, 0.15),
+        ((0.02, 0.03), (0.012, 1.5, 0.0125), 1, 0.3),
+        ((0.02, 0.03), (0.012, 1.5, 0.0125), 0, 0.3),
+        ((0.02, 0.03), (0.002, 1.5, 0.0125), 0, 0.5),  # there is enough behind it
+        ((0.02, 0.03), (0.002, 1.5, 0.0125), 1, 0.5),
+    ],
+)
+def test_the_arm_behind_a_spring_is_a_body(
+    problem: Problem, inertias: tuple[float, float], rigid: tuple[float, float, float], joint: int, share: float
+) -> None:
+    """Its mass matrix is positive definite wherever the elbow was; the motor stays what it is."""
+    spring = NAMED["joint_flexibility"]
+    column, own = NOMINAL.index("inertia"), KERNEL.column(spring, "inertia_ratio")
+    point = replace(point_at(problem, (JointStructure(), JointStructure()))[0], rigid=np.array(rigid))
+    point.parameters[:, :, column] = inertias
+    found = extend(problem, point, Hypothesis(spring, joint), np.tile([share, 20.0, 0.04], (problem.logs, 1)))
+    coupling, ratio, carried = rigid
+
+    def matrices(parameters: Array) -> Array:
+        behind = parameters[0, :, column] / (1.0, ratio)
+        behind[joint] *= parameters[0, joint, own]
+        side = min(carried, behind[1]) if joint == 1 else carried
+        c = np.cos(problem.reading[::50, 1])
+        rows = [behind[0] + side + 2.0 * coupling * c, side + coupling * c, np.full(len(c), behind[1])]
+        return np.moveaxis(np.array([[rows[0], rows[1]], [rows[1], rows[2]]]), 2, 0)
+
+    as_it_was = extend(
+        problem,
+        replace(point, rigid=np.array((1e-9, ratio, 1e-9))),
+        Hypothesis(spring, joint),
+        np.tile([share, 20.0, 0.04], (problem.logs, 1)),
+    ).parameters
+    before, after = (np.linalg.eigvalsh(matrices(p)).min() for p in (as_it_was, found.parameters))
+    assert after > 0.0
+    unit = (1.0, ratio)[joint]
+    whole, part = found.parameters[0, joint, column], found.parameters[0, joint, own]
+    if before > 1e-3 * inertias[joint] / unit:
+        assert (whole, part) == (inertias[joint], share)
+        return
+    assert before < 0.0
+    motor = whole * (1.0 - part)
+    felt_alone = joint == 1 and inertias[1] / ratio < carried
+    assert motor == pytest.approx(inertias[joint] * (1.0 if felt_alone else 1.0 - share))
+    other = 1 - joint
+    assert found.parameters[0, other, column] == inertias[other]
+    assert problem.credible(errors(problem, [found])[0])
 
 
 def test_noise_does_not_hide_what_the_joints_do_to_each_other_where_a_fit_begins() -> None:

@@ -1595,6 +1595,15 @@ def test_beside_torques_of_an_arm_an_effect_brings_free_simulations_closer(monke
     monkeypatch.setattr("diagnosis.pruning.astray", farther)
     assert kept(problem) == [item]
     assert kept(beside) == []
+    # the winding's lag can stand for a delay, but not where it is stated
+    late = {"input_delay": {"delay": 0.012}}
+    problem, held_out = (stack(KERNEL, [record(late, noise(seed))], (1,)) for seed in (1, 3))
+    beside = replace(problem, arm=cast(KnownTorques, object()))
+    for stated, says in ((JOINT["electrical_time_constant"], True), (None, False)):
+        nominal = fit_nominal(problem, (JointStructure(electrical_time_constant=stated),))
+        item = accepted(problem, nominal, "input_delay", [0.01])
+        assert kept(problem) == [item]
+        assert (kept(beside) == [item]) is says
 
 
 def test_a_small_effect_beside_a_large_one_has_to_show_where_nobody_fitted() -> None:

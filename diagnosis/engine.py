@@ -43,7 +43,13 @@ from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
 from diagnosis.of_motion import is_of_motion
-from diagnosis.other_bases import also_from_regression, also_without_limits, either, settled_anew
+from diagnosis.other_bases import (
+    also_from_regression,
+    also_without_limits,
+    either,
+    on_either_joint,
+    settled_anew,
+)
 from diagnosis.patchwork import patchwork
 from diagnosis.problem import Problem, Work, coarser, in_band
 from diagnosis.pruning import (
@@ -360,6 +366,7 @@ class Search:
                 ranked = either(ranked, plays(problem, path.base, candidates))
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
+            ranked = on_either_joint(problem, path.base, ranked)
             ranked = with_limiting_effects(problem, path.base, ranked)
             chosen = choose(problem, path.base, ranked, settings, explained, path.accepted, least=path.scattered)
             if chosen is None:

@@ -12,7 +12,7 @@ from diagnosis.nominal import HOPELESS, JointStructure, limits_settled, point_at
 from diagnosis.problem import Problem
 from diagnosis.search import Scored, best_forms, law, score, try_all, unfitted
 from diagnosis.timing import timing_settled
-from diagnosis.turns import to_errors, to_innovations
+from diagnosis.turns import in_turns, to_errors, to_innovations
 from methods.effects.base import Effect
 from methods.parallel import each
 
@@ -24,6 +24,8 @@ HELD = 0.5
 """The same for torques of the place."""
 TIMED = 0.75
 """Share of the best evidence from which the best form of a law is compared with a timing of its own."""
+TWIN = 0.5
+"""The same for the leading law on the other joint of an arm."""
 LIMITED = 0.25
 """The same for torque limits that act or do not."""
 
@@ -122,3 +124,27 @@ def settled_anew(
         return scored if fitted is scored.fitted else scored.refitted(base, fitted)
 
     return sorted(each(anew, ranked), key=lambda scored: -scored.evidence)
+
+
+def on_either_joint(problem: Problem, base: Fitted, ranked: list[Scored]) -> list[Scored]:
+    """The hypotheses, where two joints are one arm the leading law of either of them as far as it goes.
+
+    A soft spring in one joint moves the other one, too, and which of them has it shows only in the end: the right fit
+    may still have to come all the way from a base that has taken the spring for something else.
+    """
+    leading = ranked[:1] if problem.pair else []
+    twins = [s for s in ranked for one in leading if law(s.start)[0] == one.label and joint_of(s) != joint_of(one)][:1]
+    if not any(twin.evidence > TWIN * ranked[0].evidence for twin in twins):
+        return ranked
+
+    def further(scored: Scored) -> Scored:
+        fitted = timing_settled(problem, in_turns(problem, scored.fitted))
+        return scored.refitted(base, in_turns(problem, fitted))
+
+    found = dict(zip(map(id, leading + twins), each(further, leading + twins), strict=True))
+    return sorted((found.get(id(s), s) for s in ranked), key=lambda s: -s.evidence)
+
+
+def joint_of(scored: Scored) -> int:
+    """Index of the joint that a hypothesis is about."""
+    return scored.start.hypothesis.joint

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ from diagnosis.choice import (
 )
 from diagnosis.competition import confirmed, in_other_terms, other_forms, simpler_rivals
 from diagnosis.engine import Fork, Path, Search, find, is_foreseen, with_jitter
-from diagnosis.estimation import errors, finish, fit, plain, predicted_motion, sensitivities
+from diagnosis.estimation import Fitted, errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.finding import Accepted, Finding, near_equals, stood_for
 from diagnosis.first_fits import nearest, retuned
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, scan, sizes_of, withdraw
@@ -36,7 +36,7 @@ from diagnosis.instants import retimed
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
-from diagnosis.other_bases import also_from_regression, also_without_limits, settled_anew
+from diagnosis.other_bases import also_from_regression, also_without_limits, on_either_joint, settled_anew
 from diagnosis.problem import KnownTorques, Problem, Work, evenly, in_band, stack
 from diagnosis.pruning import general, merged, merged_afterwards, prune, unified
 from diagnosis.regression import View, effective_samples
@@ -744,6 +744,41 @@ def test_forms_that_are_fitted_in_the_place_of_a_law() -> None:
     assert forms("backlash_load_side") == set()
 
 
+def test_the_leading_law_is_tried_on_the_other_joint_of_an_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As far as it goes on both, and only where it comes near there."""
+    asked: list[int] = []
+
+    def hypothesis(name: str, joint: int, decrease: float) -> Scored:
+        return replace(
+            scored(name, decrease),
+            start=Start(Hypothesis(NAMED[name], joint), np.zeros((1, NAMED[name].size)), 0.0),
+            fitted=SimpleNamespace(criterion=-decrease),  # type: ignore[arg-type]
+        )
+
+    def further(problem: Problem, fitted: Any) -> Any:
+        asked.append(fitted.criterion)
+        return SimpleNamespace(criterion=-1200.0) if fitted.criterion == -600.0 else fitted
+
+    monkeypatch.setattr("diagnosis.other_bases.in_turns", further)
+    monkeypatch.setattr("diagnosis.other_bases.timing_settled", lambda problem, fitted: fitted)
+    base = cast(Fitted, SimpleNamespace(criterion=0.0))
+    first, other = hypothesis("joint_flexibility", 0, 1000.0), hypothesis("coulomb_friction", 1, 800.0)
+    near, far = (hypothesis("joint_flexibility", 1, decrease) for decrease in (600.0, 400.0))
+    arm, lone = (cast(Problem, SimpleNamespace(pair=pair)) for pair in (True, False))
+    for problem, twin in ((lone, near), (arm, far)):
+        ranked = [first, other, twin]
+        assert on_either_joint(problem, base, ranked) is ranked
+    assert on_either_joint(arm, base, []) == []
+    assert not asked
+    found = on_either_joint(arm, base, [first, other, near])
+    places = [(s.name, s.start.hypothesis.joint, s.decrease) for s in found]
+    assert places == [
+        ("joint_flexibility", 1, 1200.0),
+        ("joint_flexibility", 0, 1000.0),
+        ("coulomb_friction", 1, 800.0),
+    ]
+
+
 def test_what_was_taken_first_goes_where_those_after_it_do_as_well_alone() -> None:
     """It may have stood in for them, and a fit that holds them where they began may lean on it."""
     noise = 1e-3 * np.random.default_rng(0).standard_normal(5000)
@@ -998,7 +1033,7 @@ def test_a_hypothesis_is_compared_without_a_limit_that_stood_in_for_it() -> None
 def test_only_laws_that_gain_over_what_they_contain_are_settled_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     for part in ("limits_settled", "timing_settled"):
         monkeypatch.setattr(
-            f"diagnosis.other_bases.{part}", lambda problem, fitted, *others: SimpleNamespace(criterion=0.0)
+            f"diagnosis.other_bases.{part}", lambda problem, fitted, *others, **known: SimpleNamespace(criterion=0.0)
         )
     problem, base = problem_of({}), SimpleNamespace(criterion=1000.0)
 

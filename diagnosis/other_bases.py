@@ -120,7 +120,7 @@ def settled_anew(
         if competes(scored, LIMITED):
             fitted = limits_settled(problem, fitted, structures)
         if competes(scored, TIMED):
-            fitted = timing_settled(problem, fitted, is_brief=True)
+            fitted = timing_settled(problem, fitted)
         return scored if fitted is scored.fitted else scored.refitted(base, fitted)
 
     return sorted(each(anew, ranked), key=lambda scored: -scored.evidence)

@@ -29,18 +29,18 @@ PROBE = -0.1
 """Shift [samples] by which the sensitivity to a shift is taken."""
 
 
-def timing_settled(problem: Problem, fitted: Fitted, *, is_brief: bool = False) -> Fitted:
+def timing_settled(problem: Problem, fitted: Fitted) -> Fitted:
     """The fit with the command's timing free, and integrated as simulators do, where the logs ask for it.
 
     They do where a shift, even one at the end of its range, explains something, or, beside a delay, Euler's steps:
     these come with a shift of half a step. At the end of its range a timing stands in for something else. Only what
     promises something to first order is fitted. A timing that is there stays where nothing else does as well: without
     it a fit may end elsewhere. It may have come with a law that has been replaced since, and the filter then keep the
-    exact fit from what that was to explain. is_brief: such fits are not asked for, which take longest.
+    exact fit from what that was to explain.
     """
     cost = (float(np.log(fitted.samples)) + LEAST) * problem.joints
     exact = _timed(problem, fitted, free=False, euler=False)
-    if is_timed(fitted) and not is_brief:
+    if is_timed(fitted):
         exact = in_turns(problem, exact)
     promised = promises(problem, exact)
 

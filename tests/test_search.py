@@ -1033,7 +1033,7 @@ def test_a_hypothesis_is_compared_without_a_limit_that_stood_in_for_it() -> None
 def test_only_laws_that_gain_over_what_they_contain_are_settled_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     for part in ("limits_settled", "timing_settled"):
         monkeypatch.setattr(
-            f"diagnosis.other_bases.{part}", lambda problem, fitted, *others, **known: SimpleNamespace(criterion=0.0)
+            f"diagnosis.other_bases.{part}", lambda problem, fitted, *others: SimpleNamespace(criterion=0.0)
         )
     problem, base = problem_of({}), SimpleNamespace(criterion=1000.0)
 

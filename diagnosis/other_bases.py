@@ -132,8 +132,10 @@ def on_either_joint(problem: Problem, base: Fitted, ranked: list[Scored]) -> lis
     A soft spring in one joint moves the other one, too, and which of them has it shows only in the end: the right fit
     may still have to come all the way from a base that has taken the spring for something else.
     """
-    leading = ranked[:1] if problem.pair else []
-    twins = [s for s in ranked for one in leading if law(s.start)[0] == one.label and joint_of(s) != joint_of(one)][:1]
+    if not (problem.pair and ranked):
+        return ranked
+    label, joint = law(ranked[0].start)
+    twins = [scored for scored in ranked if law(scored.start) == (label, 1 - joint)][:1]
     if not any(twin.evidence > TWIN * ranked[0].evidence for twin in twins):
         return ranked
 
@@ -141,10 +143,6 @@ def on_either_joint(problem: Problem, base: Fitted, ranked: list[Scored]) -> lis
         fitted = timing_settled(problem, in_turns(problem, scored.fitted))
         return scored.refitted(base, in_turns(problem, fitted))
 
-    found = dict(zip(map(id, leading + twins), each(further, leading + twins), strict=True))
-    return sorted((found.get(id(s), s) for s in ranked), key=lambda s: -s.evidence)
-
-
-def joint_of(scored: Scored) -> int:
-    """Index of the joint that a hypothesis is about."""
-    return scored.start.hypothesis.joint
+    both = [ranked[0], *twins]
+    found = dict(zip(map(id, both), each(further, both), strict=True))
+    return sorted((found.get(id(scored), scored) for scored in ranked), key=lambda s: -s.evidence)

@@ -1422,6 +1422,25 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _posed_pairs(S, angle, weight, hanging):
+    """What a pose of planar pairs says, its angles in one row: the torques of their weight into another, and sine and
+    cosine of the elbow."""
+    if hanging:
+        for l in range(HALF):
+            q1, q2 = S[angle + l], S[angle + l] + S[angle + l + HALF]
+            pull = S[GRAVITY_SINE_ + l + HALF] * _sine(q2) + S[GRAVITY_COSINE_ + l + HALF] * _cosine(q2)
+            S[weight + l + HALF] = pull
+            S[weight + l] = pull / S[RATIO_ + l] + (
+                S[GRAVITY_SINE_ + l] * _sine(q1) + S[GRAVITY_COSINE_ + l] * _cosine(q1))
+    else:
+        for l in range(LANES):
+            S[weight + l] = 0.0
+    for l in range(HALF):
+        S[TURN_ + l] = _sine(S[angle + HALF + l])
+        S[CROSS_ + l] = _cosine(S[angle + HALF + l])
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _planar_lanes(S, p, on, any_on, dry, hanging):
     """`_planar` of candidates whose joints lie in the first and in the second half of the lanes.
 
@@ -1430,19 +1449,7 @@ def _planar_lanes(S, p, on, any_on, dry, hanging):
     if _carries(any_on):
         for l in range(LANES):
             S[ADDED_ + l] = _payload(S[T_ + l], p[l], on[l])
-    if hanging:
-        for l in range(HALF):
-            q1, q2 = S[QS_ + l], S[QS_ + l] + S[QS_ + l + HALF]
-            pull = S[GRAVITY_SINE_ + l + HALF] * _sine(q2) + S[GRAVITY_COSINE_ + l + HALF] * _cosine(q2)
-            S[WEIGHT_ + l + HALF] = pull
-            S[WEIGHT_ + l] = pull / S[RATIO_ + l] + (
-                S[GRAVITY_SINE_ + l] * _sine(q1) + S[GRAVITY_COSINE_ + l] * _cosine(q1))
-    else:
-        for l in range(LANES):
-            S[WEIGHT_ + l] = 0.0
-    for l in range(HALF):
-        S[TURN_ + l] = _sine(S[QS_ + HALF + l])
-        S[CROSS_ + l] = _cosine(S[QS_ + HALF + l])
+    _posed_pairs(S, QS_, WEIGHT_, hanging)
     for l in range(HALF):
         S[SECOND_INERTIA_ + l] = S[INERTIA_ + HALF + l] / S[RATIO_ + l] + S[ADDED_ + HALF + l] / S[RATIO_ + l]
         S[FIRST_INERTIA_ + l] = (
@@ -1501,19 +1508,7 @@ def _parted_pairs(S, p, on, any_on, dry, hanging):
         S[BEHIND_ + l] = parted * S[BEHIND_ + l] + whole * (S[INERTIA_ + l] + S[ADDED_ + l])
         S[ANGLE_ + l] = parted * S[QLS_ + l] + whole * S[QS_ + l]
         S[RATE_ + l] = parted * S[DQLS_ + l] + whole * S[DQS_ + l]
-    if hanging:
-        for l in range(HALF):
-            q1, q2 = S[ANGLE_ + l], S[ANGLE_ + l] + S[ANGLE_ + l + HALF]
-            pull = S[GRAVITY_SINE_ + l + HALF] * _sine(q2) + S[GRAVITY_COSINE_ + l + HALF] * _cosine(q2)
-            S[PLACE_ + l + HALF] = pull
-            S[PLACE_ + l] = pull / S[RATIO_ + l] + (
-                S[GRAVITY_SINE_ + l] * _sine(q1) + S[GRAVITY_COSINE_ + l] * _cosine(q1))
-    else:
-        for l in range(LANES):
-            S[PLACE_ + l] = 0.0
-    for l in range(HALF):
-        S[TURN_ + l] = _sine(S[ANGLE_ + HALF + l])
-        S[CROSS_ + l] = _cosine(S[ANGLE_ + HALF + l])
+    _posed_pairs(S, ANGLE_, PLACE_, hanging)
     for l in range(HALF):
         m = l + HALF
         added = S[ADDED_ + m] / S[RATIO_ + l]

@@ -403,9 +403,12 @@ class Search:
         fits = [(item, scored) for (item, _), scored in zip(options, found, strict=True) if scored is not None]
         if not fits:
             return None
-        item, best = min(fits, key=lambda option: option[1].fitted.criterion + option[1].price)
+        item, best = min(fits, key=lambda option: option[1].fitted.criterion + option[1].price - option[0].scored.price)
         others = tuple(other for other in accepted if other is not item)
-        longer = self.advanced(shortened(path, others, smaller[item]), replace(item, scored=best))
+        chosen = replace(item, scored=best)
+        if cost(problem, best.fitted, (*others, chosen)) >= self.cost(path) - self.settings.threshold:
+            return None
+        longer = self.advanced(shortened(path, others, smaller[item]), chosen)
         return longer if self.cost(longer) < self.cost(path) - self.settings.threshold else None
 
     def repaired(self, path: Path, candidates: Sequence[tuple[Effect, int]], explained: float) -> Path | None:

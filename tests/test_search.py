@@ -899,34 +899,6 @@ def test_effects_of_the_whole_band_stay_where_they_do_better_in_the_band_of_the_
         assert (found("coulomb_friction", "quadratic_drag", apart).band is None) == stays
 
 
-@pytest.mark.parametrize(
-    ("is_arm", "named", "verdict"),
-    [(True, False, "none"), (False, False, "unknown"), (True, True, "unknown")],
-)
-def test_beside_torques_of_an_arm_the_band_of_the_motion_tells_whether_anything_is_missing(
-    is_arm: bool, named: bool, verdict: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    noise = 2e-3 * np.random.default_rng(0).standard_normal(15_000)
-    problem = stack(KERNEL, [record({}, noise, 30.0)], (1,))
-    left = remainder(problem, fit_nominal(problem, (JointStructure(),)), 0)
-    problem = replace(problem, arm=cast(KnownTorques, object())) if is_arm else problem
-
-    def concluded(search: Search, path: Path, held_out: Problem | None = None) -> Finding:
-        base, whole = search.nominal, search.problem is problem
-        items = (accepted(search.problem, base, "quadratic_drag", [0.1]),) if whole and named else ()
-        rest = replace(left, decrease=1e3) if whole else left
-        return Finding("unknown" if whole else "none", base, items, base, (rest,), (base,))
-
-    monkeypatch.setattr(Search, "concluded", concluded)
-    monkeypatch.setattr(Search, "grown", lambda search, path, **known: path)
-    known = lambda problem, structures: fit_nominal(replace(problem, arm=None), structures)  # noqa: E731
-    monkeypatch.setattr("diagnosis.engine.fit_nominal", known)
-    monkeypatch.setattr(Search, "completed", lambda search, path: path)
-    finding = find(problem, (JointStructure(),), EFFECTS)
-    assert finding.verdict == verdict
-    assert finding.band is not None
-
-
 def test_the_whole_band_goes_on_from_what_the_band_of_the_motion_has_found(monkeypatch: pytest.MonkeyPatch) -> None:
     noise = 2e-3 * np.random.default_rng(0).standard_normal(15_000)
     problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.2}}, noise, 30.0)], (1,))

@@ -113,7 +113,8 @@ def find(
     apart (`is_foreseen`), its search begins from what the band shows in which the joint moved. Where something is left
     (`unknown`), the effects are sought again in that band, and those that shape the motion there are reported, unless
     those of the whole band do better there, too; the verdict stays. Only where the search in the whole band, begun
-    again from them, leaves nothing, they are what was missing.
+    again from them, leaves nothing, they are what was missing. Torques of the rest of an arm come from smoothed motion
+    and are right in its band only: where that shows nothing and neither search has found an effect, there is none.
     """
     settings = settings or Settings()
     with threadpool_limits(1, "blas"):  # the kernels run in parallel; matrix products of this size do not gain from it
@@ -153,10 +154,12 @@ def _find(
     if banded is None:
         return whole
     narrow, found = banded
+    band = 0.4 / (narrow.decimation * narrow.sample_time)
+    if problem.arm is not None and not whole.accepted and found.verdict == "none":
+        return replace(found, band=band)
     is_cut = whole.is_cut or (search.is_spent and bool(found.accepted))
     if whole.accepted and does_better(narrow, held_out, whole, found, settings.threshold):
         return replace(whole, is_cut=is_cut)
-    band = 0.4 / (narrow.decimation * narrow.sample_time)
     return replace(found, verdict="unknown", remainders=whole.remainders, band=band, is_cut=is_cut)
 
 

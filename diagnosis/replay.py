@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
-from scipy.signal import lfilter, savgol_filter
+from scipy.signal import lfilter, resample, savgol_filter
 
 from diagnosis.estimation import Fitted, Point
 from diagnosis.problem import Problem, bounded, smooth_derivatives
+from diagnosis.whitening import Whitener
 from envs.log import Array
 from methods.kernel import DAMPING, NOMINAL, STATES
 from methods.two_layer_network import TwoLayerNetwork, pack
@@ -189,7 +190,7 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
     count = max(40 * width, 20_000)
     error = rng.standard_normal(count) * innovation
     if coloured:
-        error = coloured_by(fitted.whitener.coefficients[j], error)
+        error = coloured_as(fitted.whitener, j, error)
     span = min(max(7, 2 * round(0.5 * CORRECTION / dt) + 1), count // 2 * 2 - 1)
     q0 = savgol_filter(error, span, 3)
     v0 = savgol_filter(error, span, 3, deriv=1, delta=dt) + problem.leak * q0
@@ -247,8 +248,7 @@ def imitated(problem: Problem, fitted: Fitted, point: Point, rng: np.random.Gene
     pull = (problem.leak, problem.rate_leak, problem.substeps)
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
         white = rng.standard_normal((n, b - a)) * np.sqrt(fitted.variances)[:, None]
-        filters = fitted.whitener.coefficients
-        noise = np.stack([coloured_by(own, e) for own, e in zip(filters, white, strict=True)], axis=1)
+        noise = np.stack([coloured_as(fitted.whitener, j, own) for j, own in enumerate(white)], axis=1)
         signals, model, (states, bristles) = begun(problem, point, log, reading)
         error = np.zeros((b - a, n))
         for k in range(b - a):
@@ -256,6 +256,17 @@ def imitated(problem: Problem, fitted: Fitted, point: Point, rng: np.random.Gene
             reading[a + k] = noise[k] - error[k]  # the error of a reading of zero is what it is predicted to be
             advance(k, k + 1, *signals, nobody, states, bristles, *model, *pull, error, unused)
     return replace(problem, reading=reading)
+
+
+def coloured_as(filter_: Whitener, j: int, innovations: Array) -> Array:
+    """Errors (T,) of joint index j whose innovations are white with the variance of those given (T,), and periodic.
+
+    Where errors are compared in a narrow band they are noise of that band alone: the autoregression holds there, and
+    the inverse of the filter that limits the band would make what lies outside endlessly strong.
+    """
+    if filter_.every == 1:
+        return coloured_by(filter_.coefficients[j], innovations)
+    return np.asarray(resample(coloured_by(filter_.within(j), innovations[:: filter_.every]), len(innovations)))
 
 
 def coloured_by(filter_: Array, white: Array) -> Array:

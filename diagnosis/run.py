@@ -533,6 +533,8 @@ def solve(
     finding, limits = limits_decided(problem, held_out, finding, structures, settings.threshold)
     found = clock.perf_counter()
     if finding.band is not None:
+        if arm is not None:
+            rest += f"; what it says holds up to {finding.band:.2g} Hz, the band of the motion"
         problem = in_band(problem)
         held_out = coarser(held_out, problem.decimation * problem.thinning)
     given = None

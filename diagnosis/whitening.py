@@ -67,7 +67,7 @@ class Whitener:
         if not self.first:
             return ()
         assert self.solution is not None
-        return tuple(growing_predictors(_sparse(own, self.blocks, 1)) for own in self.solution)
+        return tuple(growing_predictors(self.within(j)) for j in range(len(self.solution)))
 
     @property
     def log_determinant(self) -> Array:
@@ -92,6 +92,11 @@ class Whitener:
                 y[:, place : place + len(rows)] = limited @ self.beginnings[j][0].T
             parts.append(y.reshape(*error.shape[:-2], -1))
         return np.concatenate(parts, axis=-1)
+
+    def within(self, j: int) -> Array:
+        """The autoregression of joint index j alone, on the samples that are kept of the band."""
+        assert self.solution is not None
+        return _sparse(self.solution[j], self.blocks, 1)
 
     def moved(self, change: Array) -> Whitener:
         """The filter with other coefficients of the autoregression: the change (n, k) added."""

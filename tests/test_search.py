@@ -41,7 +41,7 @@ from diagnosis.problem import KnownTorques, Problem, Work, evenly, in_band, stac
 from diagnosis.pruning import general, merged, merged_afterwards, prune, unified
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, remainders, shows_blows
-from diagnosis.replay import imitated_floor, noise_floor, transfer
+from diagnosis.replay import imitated_floor, noise_floor, replay, rms, transfer
 from diagnosis.search import (
     Ranked,
     Scored,
@@ -899,6 +899,34 @@ def test_effects_of_the_whole_band_stay_where_they_do_better_in_the_band_of_the_
         assert (found("coulomb_friction", "quadratic_drag", apart).band is None) == stays
 
 
+@pytest.mark.parametrize(
+    ("is_arm", "named", "verdict"),
+    [(True, False, "none"), (False, False, "unknown"), (True, True, "unknown")],
+)
+def test_beside_torques_of_an_arm_the_band_of_the_motion_tells_whether_anything_is_missing(
+    is_arm: bool, named: bool, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(15_000)
+    problem = stack(KERNEL, [record({}, noise, 30.0)], (1,))
+    left = remainder(problem, fit_nominal(problem, (JointStructure(),)), 0)
+    problem = replace(problem, arm=cast(KnownTorques, object())) if is_arm else problem
+
+    def concluded(search: Search, path: Path, held_out: Problem | None = None) -> Finding:
+        base, whole = search.nominal, search.problem is problem
+        items = (accepted(search.problem, base, "quadratic_drag", [0.1]),) if whole and named else ()
+        rest = replace(left, decrease=1e3) if whole else left
+        return Finding("unknown" if whole else "none", base, items, base, (rest,), (base,))
+
+    monkeypatch.setattr(Search, "concluded", concluded)
+    monkeypatch.setattr(Search, "grown", lambda search, path, **known: path)
+    known = lambda problem, structures: fit_nominal(replace(problem, arm=None), structures)  # noqa: E731
+    monkeypatch.setattr("diagnosis.engine.fit_nominal", known)
+    monkeypatch.setattr(Search, "completed", lambda search, path: path)
+    finding = find(problem, (JointStructure(),), EFFECTS)
+    assert finding.verdict == verdict
+    assert finding.band is not None
+
+
 def test_the_whole_band_goes_on_from_what_the_band_of_the_motion_has_found(monkeypatch: pytest.MonkeyPatch) -> None:
     noise = 2e-3 * np.random.default_rng(0).standard_normal(15_000)
     problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.2}}, noise, 30.0)], (1,))
@@ -1316,6 +1344,16 @@ def test_the_floor_by_imitation_is_that_of_the_noise_and_of_what_short_logs_leav
     certain = imitated_floor(held_out, fitted, fitted.covariance, point, 1.0)[0]
     assert certain == pytest.approx(linear, rel=0.3)
     assert imitated_floor(held_out, fitted, 1e4 * fitted.covariance, point, 1.0)[0] > 2.0 * certain
+
+
+def test_in_the_band_of_the_motion_the_floor_is_that_of_the_noise_in_it() -> None:
+    noise = lambda seed: 2e-2 * np.random.default_rng(seed).standard_normal(15_000)  # noqa: E731
+    problem = in_band(stack(KERNEL, [record({}, noise(seed), 30.0) for seed in (1, 2)], (1,)))
+    held_out = stack(KERNEL, [record({}, noise(9), 30.0)], (1,))
+    fitted = fit_nominal(problem, (JointStructure(),))
+    floor = noise_floor(problem, fitted, 0, 1.0, float(np.sqrt(fitted.variances[0])), coloured=True)
+    assert problem.decimation > 1
+    assert floor == pytest.approx(rms(replay(held_out, transfer(held_out, fitted.point), 1.0).windows), rel=0.4)
 
 
 def test_noise_of_readings_that_no_encoder_rounds_makes_the_floor_of_what_stays_unknown() -> None:

@@ -32,6 +32,8 @@ HOPELESS = 2.0
 """Mean square of the innovations over that of the fit so far, from which a first fit is not carried on."""
 FAR = 1.15
 """The same for a fit that begins where the other one ended."""
+ROWS = 15_000
+"""Samples at most on which a starting point is regressed along with an effect."""
 
 
 Gravity = Literal["none", "constant", "pendulum"]
@@ -72,8 +74,9 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
     """Starting point: linear regression of the held command on smoothed derivatives, joint by joint, with dry friction.
     The winding's lag takes part in every voltage drive that has one.
 
-    beside: an effect that is a linear torque of angle and velocity, regressed along. Then it is the acceleration that
-    is regressed: it is what a coarse encoder shows badly, and a weight or a spring goes together with it.
+    beside: an effect that is a linear torque of angle and velocity, regressed along, on evenly spaced ones of the
+    samples, whose law is computed one by one. Then it is the acceleration that is regressed: it is what a coarse
+    encoder shows badly, and a weight or a spring goes together with it.
     """
     n = problem.joints
     parameters = np.zeros((problem.logs, n, problem.kernel.columns))
@@ -85,6 +88,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
     motion: list[tuple[Array, ...]] = []
     spans = [slice(*span) for span in pairwise(problem.bounds.tolist())]
     seconds = max(0.02, 8 * problem.sample_time)
+    every = 1 + len(problem.time) // ROWS
     if problem.pair:  # noise hides what the joints do to one another
         seconds = max(seconds, window([(problem.time[span], problem.reading[span]) for span in spans]))
     for span in spans:
@@ -97,9 +101,13 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
             columns = [ddq[:, j], dq[:, j], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12)), np.ones(len(q))]
             if structures[j].gravity == "pendulum":
                 columns += [np.sin(q[:, j]), np.cos(q[:, j])]
-            columns += [] if beside is None else torques_of(beside, q[:, j], dq[:, j])
+            own = side[:, j] - (problem.neighbour[span, j, 3] if problem.arm else 0.0)
+            if beside is not None:
+                columns = [column[::every] for column in columns]
+                columns += torques_of(beside, q[::every, j], dq[::every, j])
+                own = own[::every]
             rows[j].append(np.stack(columns, axis=1))
-            sides[j].append(side[:, j] - (problem.neighbour[span, j, 3] if problem.arm else 0.0))
+            sides[j].append(own)
     solutions = []
     for j in range(n):
         matrix, target = np.concatenate(rows[j]), np.concatenate(sides[j])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.fft import next_fast_len
+from scipy.fft import irfft, next_fast_len, rfft
 
 from diagnosis.estimation import Fitted, Point
 from diagnosis.problem import Problem
@@ -100,8 +100,8 @@ def effective_samples(residual: Array, joints: int) -> float:
     """
     total = 0.0
     for own in residual.reshape(joints, -1):
-        power = np.abs(np.fft.rfft(own, next_fast_len(2 * len(own), real=True))) ** 2
-        correlation = np.fft.irfft(power)[: len(own) // 2]
+        length = next_fast_len(2 * len(own), real=True)
+        correlation = irfft(np.abs(rfft(own, length)) ** 2, length)[: len(own) // 2]
         correlation = correlation[1:] / max(correlation[0], 1e-300)
         negative = np.flatnonzero(correlation < 0.0)
         end = negative[0] if len(negative) else len(correlation)

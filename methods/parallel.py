@@ -21,14 +21,39 @@ def workers() -> int:
 
 
 def each(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """function(item) of all items, in their order. Where it is called within itself, the inner work is serial.
+    """function(item) of all items, in their order. Where it is called within itself, threads that have nothing else to
+    do help with the inner work: of many long tasks the last one would leave all others idle.
 
-    Results do not depend on the number of threads as long as the function changes nothing that others read.
+    Results do not depend on the number of threads as long as the function changes nothing that others read. The first
+    error that a function raises is raised, once none of them works any more.
     """
     items = list(items)
-    if len(items) < 2 or workers() == 1 or getattr(_busy, "inside", False):
+    if len(items) < 2 or workers() == 1:
         return [function(item) for item in items]
-    return list(_pool(workers()).map(function, items))
+    inside = getattr(_busy, "inside", False)
+    pool, found = _pool(workers()), dict[int, Result]()
+    left = iter(range(len(items)))  # its next() is atomic
+
+    def work() -> None:
+        try:
+            for place in left:
+                found[place] = function(items[place])
+        except BaseException:
+            for _ in left:
+                pass
+            raise
+
+    helpers = [pool.submit(work) for _ in range(min(workers(), len(items)) - inside)]
+    try:
+        if inside:
+            work()
+    finally:  # who has not begun has nothing left to do
+        begun = [helper for helper in helpers if not helper.cancel()] if inside else helpers
+        errors = [helper.exception() for helper in begun]
+    for error in errors:
+        if error is not None:
+            raise error
+    return [found[place] for place in range(len(items))]
 
 
 @lru_cache(maxsize=1)

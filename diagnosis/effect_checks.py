@@ -112,6 +112,8 @@ class EffectSubject:
     @cached_property
     def values(self) -> tuple[float, ...]:
         """A typical parameter vector: a starting value in the middle. Raises NotApplicable when there is none."""
+        if self.effect.on_the_arm:
+            raise NotApplicable("it acts between the joints of a planar pair")
         every = list(self.effect.starts(self.sizes)) if self.effect.scan is None and self.effect.starts else []
         if not every and self.effect.scan is not None:
             every = shapes(self.effect, self.sizes)

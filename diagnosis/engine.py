@@ -441,7 +441,10 @@ class Search:
 
     def candidates(self, path: Path, *, is_full: bool) -> list[tuple[Effect, int]]:
         """The effects that may come next: all others, or those that contain one that is there."""
-        others = hypotheses_of(self.effects, self.problem.joints, set(path.present))
+        arm: tuple[str, ...] = ()
+        if self.problem.pair:
+            arm = ("coupling", "weight") if self.structures[0].gravity == "pendulum" else ("coupling",)
+        others = hypotheses_of(self.effects, self.problem.joints, set(path.present), arm)
         there = {(item.name, item.joint) for item in path.accepted}
         contains = lambda effect, j: any((name, j) in there for name in effect.includes)  # noqa: E731
         return [(effect, j) for effect, j in others if not is_full or contains(effect, j)]

@@ -503,7 +503,7 @@ class Event:
 
 
 def seen_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales, log: int) -> list[Event]:
-    """Matched filters on one log: pulses of several lengths (collision) or a step of the inertia (payload)."""
+    """Matched filters on one log: pulses of several lengths (collision) or a step of inertia or weight (payload)."""
     a, b = problem.bounds[log], problem.bounds[log + 1]
     time = problem.time[a:b] - problem.time[a]
     usable = time > problem.burn_in
@@ -514,18 +514,29 @@ def seen_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, siz
         shapes = [(score, time[index], width * problem.sample_time) for score, width, index in pulses]
         first = 0.05 * size.torque_rms
         return [Event(score, np.array([first, at, lasts, 0.3]), LENGTHS * searched) for score, at, lasts in shapes]
-    acceleration = smooth_derivatives(time, problem.reading[a:b, joint : joint + 1], 0.02)[2][:, 0] * usable
-    filtered = fftconvolve(acceleration, tool.response)[: b - a]
-    part = np.cumsum(c * acceleration)
-    norm = np.cumsum(filtered**2)
+    q = problem.reading[a:b]
+    signals = [smooth_derivatives(time, q[:, joint : joint + 1], 0.02)[2][:, 0]]
+    if effect.on_the_arm == "weight":
+        signals += [np.sin(q[:, 0] + q[:, 1]), np.cos(q[:, 0] + q[:, 1])]
+    steps = [_step(c, signal * usable, tool) for signal in signals]
+    score, index = max(steps)
+    further = next(iter(effect.starts(size)))[2:] if effect.starts else ()
+    values = np.array([0.05 * size.inertia, time[index], *further])
+    return [Event(score, values, len(steps) * searched)] if score > 0.0 else []
+
+
+def _step(correlation: Array, signal: Array, tool: Adjoint) -> tuple[float, int]:
+    """Decrease of -2 log likelihood by a torque that follows a signal (T,) from some instant on, beside one that does
+    so all along; and the index of the best instant."""
+    filtered = fftconvolve(signal, tool.response)[: len(signal)]
+    part, norm = np.cumsum(correlation * signal), np.cumsum(filtered**2)
     if norm[-1] <= 0:
-        return []
+        return 0.0, 0
     share = norm / norm[-1]
     spread = norm * (1 - share) * tool.variance
     inside = (share > 0.02) & (share < 0.98)
     score = np.where(inside, (part - share * part[-1]) ** 2 / np.maximum(spread, 1e-300), 0.0)
-    index = int(np.argmax(score))
-    return [Event(float(score[index]), np.array([0.05 * size.inertia, time[index]]), searched)]
+    return float(np.max(score)), int(np.argmax(score))
 
 
 def _apart(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import filterfalse
@@ -602,9 +602,11 @@ def _with_reference(problem: Problem, base: Fitted) -> Fitted:
     return replace(base, point=replace(point, parameters=parameters))
 
 
-def hypotheses_of(effects: Sequence[Effect], joints: int, present: set[tuple[str, int]]) -> list[tuple[Effect, int]]:
+def hypotheses_of(
+    effects: Sequence[Effect], joints: int, present: set[tuple[str, int]], arm: Collection[str] = ()
+) -> list[tuple[Effect, int]]:
     """Effects not yet in the model, per joint; one that has to follow another only after that or a form of its own law
-    that it contains."""
+    that it contains. arm: what acts between the joints of a planar pair, as in `Effect.on_the_arm`."""
     forms = {effect.name: effect.label for effect in effects}
 
     def has_its_turn(effect: Effect, j: int) -> bool:
@@ -615,5 +617,7 @@ def hypotheses_of(effects: Sequence[Effect], joints: int, present: set[tuple[str
         (effect, j)
         for j in range(joints)
         for effect in effects
-        if (effect.name, j) not in present and has_its_turn(effect, j)
+        if (effect.name, j) not in present
+        and has_its_turn(effect, j)
+        and (not effect.on_the_arm or (effect.on_the_arm in arm and j == 1))
     ]

@@ -111,7 +111,7 @@ LANE_ROWS = (
     *("ERROR", "OUTER", "KNOWN", "RESIST", "PLACE", "ARM", "WEIGHT", "MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
     *("COMMAND", "READING", "BESIDE", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN"),
-    *("FIRST_INERTIA", "CROSS", "SECOND_INERTIA"),
+    *("FIRST_INERTIA", "CROSS", "SECOND_INERTIA", "COUPLED", "HUNG_SINE", "HUNG_COSINE"),
     *("PARTED", "SPRING", "GIVEN", "BEHIND", "DRIVE", "ANGLE", "RATE", "ROTOR", "TURNING"),
 )
 """Rows of the lanes' scratch: states, states within a step, their rates, the same at its beginning and summed over its
@@ -145,10 +145,13 @@ STRUCTURAL = {
     "payload_change": "PAYLOAD",
     "payload_change_at_rest": "GRASP",
     "payload_change_weighed": "WEIGHED",
+    "payload_change_carried": "CARRIED",
+    "payload_change_hung": "HUNG",
     "rounded_coulomb_friction": "ROUND",
     "tapered_coulomb_friction": "TAPER",
     "rounded_stribeck_friction": "BLEND",
     "constrained_coulomb_friction": "YIELD",
+    "gravity_tilt": "TILT",
 }
 """Effects that need states, time shifts or finer steps and are therefore known by name in the template below."""
 
@@ -717,15 +720,40 @@ def _payload(t, p, on):
         added += p[PAYLOAD_P] * min(max((t - p[PAYLOAD_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
     if WEIGHED >= 0 and on[WEIGHED]:
         added += p[WEIGHED_P] * min(max((t - p[WEIGHED_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
+    if CARRIED >= 0 and on[CARRIED]:
+        added += p[CARRIED_P] * min(max((t - p[CARRIED_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
+    if HUNG >= 0 and on[HUNG]:
+        added += p[HUNG_P] * min(max((t - p[HUNG_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
     if GRASP >= 0 and on[GRASP] and t >= p[GRASP_P + 1]:
         added += p[GRASP_P]
     return added
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _reach(p, on):
+    """Of a load at the end of the second link of a planar pair: the first link's length over its own lever."""
+    reach = 0.0
+    if CARRIED >= 0 and on[CARRIED]:
+        reach += p[CARRIED_P + 2]
+    if HUNG >= 0 and on[HUNG]:
+        reach += p[HUNG_P + 2]
+    return reach
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _hung(t, p, on):
+    """Sine and cosine part of the weight of such a load at time t."""
+    if HUNG >= 0 and on[HUNG]:
+        share = min(max((t - p[HUNG_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
+        return share * p[HUNG_P + 3], share * p[HUNG_P + 4]
+    return 0.0, 0.0
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _carries(on):
     """Whether a payload is picked up or put down."""
-    return (PAYLOAD >= 0 and on[PAYLOAD]) or (GRASP >= 0 and on[GRASP]) or (WEIGHED >= 0 and on[WEIGHED])
+    return ((PAYLOAD >= 0 and on[PAYLOAD]) or (GRASP >= 0 and on[GRASP]) or (WEIGHED >= 0 and on[WEIGHED])
+            or (CARRIED >= 0 and on[CARRIED]) or (HUNG >= 0 and on[HUNG]))
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -737,17 +765,20 @@ def _grasp(t, h, dq, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _planar(t, q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, p1, own, p2, first, second, p3, s):
+def _planar(q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, p1, own, p2, first, second, p3, s, sine, cosine, reach):
     """Accelerations of a planar pair under the net torques of its joints: (q_1'', q_2'', torque 1, torque 2), the
     torques on what does not rest; p1, own: inertias of the joints (that of the second in units of the first), p2: what
-    of the second the first one carries."""
+    of the second the first one carries; sine, cosine: weight of a load at the end of the second link, which acts on
+    the first one at `reach` times its own lever."""
     c, z = _cosine(q2), _sine(q2)
     g1, g2 = 0.0, 0.0
-    if second[GRAVITY_SINE] != 0.0 or second[GRAVITY_COSINE] != 0.0:
-        g2 = second[GRAVITY_SINE] * _sine(q1 + q2) + second[GRAVITY_COSINE] * _cosine(q1 + q2)
+    sine2, cosine2 = second[GRAVITY_SINE] + sine, second[GRAVITY_COSINE] + cosine
+    sine1, cosine1 = first[GRAVITY_SINE] + reach * sine / s, first[GRAVITY_COSINE] + reach * cosine / s
+    if sine2 != 0.0 or cosine2 != 0.0:
+        g2 = sine2 * _sine(q1 + q2) + cosine2 * _cosine(q1 + q2)
         g1 = g2 / s
-    if first[GRAVITY_SINE] != 0.0 or first[GRAVITY_COSINE] != 0.0:
-        g1 += first[GRAVITY_SINE] * _sine(q1) + first[GRAVITY_COSINE] * _cosine(q1)
+    if sine1 != 0.0 or cosine1 != 0.0:
+        g1 += sine1 * _sine(q1) + cosine1 * _cosine(q1)
     r1 = rhs1 + p3 * z * (2.0 * d1 * d2 + d2 * d2) - g1
     r2 = (rhs2 - g2) / s - p3 * z * d1 * d1
     m11, m12 = p1 + p2 + 2.0 * p3 * c, p2 + p3 * c
@@ -804,8 +835,10 @@ def _coupled(t, q1, d1, ql1, dl1, q2, d2, ql2, dl2, rhs1, rhs2, arm1, arm2, stuc
     rhs: net torques on the motors; arm: torques against the arm behind a spring or a play. The rigid body is what lies
     there: the torque between the sides drives it."""
     loose1, loose2 = _flexible(on1) or _playing(on1), _flexible(on2) or _playing(on2)
-    inertia1, inertia2 = first[INERTIA] + _payload(t, first, on1), second[INERTIA] + _payload(t, second, on2)
-    added = _payload(t, second, on2) / s
+    added, reach, sine, cosine = _payload(t, second, on2) / s, _reach(second, on2), *_hung(t, second, on2)
+    inertia1 = first[INERTIA] + (_payload(t, first, on1) + added * reach * reach)
+    inertia2 = second[INERTIA] + _payload(t, second, on2)
+    p3 = p3 + added * reach
     own, carried = second[INERTIA] / s + added, p2 + added
     drive1, drive2, a1, a2, rotor, turning = rhs1, rhs2, 0.0, 0.0, 0.0, 0.0
     if loose1:
@@ -822,8 +855,8 @@ def _coupled(t, q1, d1, ql1, dl1, q2, d2, ql2, dl2, rhs1, rhs2, arm1, arm2, stuc
             inertia1 -= turning * turning / rotor
             drive1 -= turning / rotor * rhs2 / s
     al1, al2, torque1, torque2 = _planar(
-        t, q1, d1, q2, d2, drive1, drive2, stuck1 and not loose1, stuck2 and not loose2, inertia1, own, carried, first,
-        second, p3, s)
+        q1, d1, q2, d2, drive1, drive2, stuck1 and not loose1, stuck2 and not loose2, inertia1, own, carried, first,
+        second, p3, s, sine, cosine, reach)
     if not loose1:
         a1, rhs1 = al1, torque1
     if not loose2:
@@ -953,6 +986,16 @@ def _resolved(P, h):
         if Q[j, ELECTRICAL] < 0.5 * h:
             Q[j, ELECTRICAL] = -Q[j, ELECTRICAL]
     return Q
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _as_weight(p, on):
+    """Puts what a tilted base does to a link of a planar pair, p (columns,) and on (effects,), in the place of its own
+    weight: it turns with the joint before it, too, and pulls at that as well."""
+    if TILT >= 0 and on[TILT]:
+        p[GRAVITY_SINE] += p[TILT_P]
+        p[GRAVITY_COSINE] += p[TILT_P + 1]
+        on[TILT] = False
 
 
 @njit(cache=True, error_model='numpy')
@@ -1121,6 +1164,10 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     euler = P[0, STEPPING] > 0.0
     substeps = _steps(P, on, t[1] - t[0], substeps)
     P = _resolved(P, (t[1] - t[0]) / substeps)
+    if pair:
+        on = on.copy()
+        for j in range(n):
+            _as_weight(P[j], on[j])
     D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 8))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
     rises = np.zeros(n); volts = np.zeros(n); beside = np.zeros(n)
@@ -1422,16 +1469,35 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _loaded_pairs(S, p, on, any_on):
+    """Adds to planar pairs the loads that have been picked up: inertias, and of a load at the end of the second link
+    also what it couples and its weight."""
+    for l in range(LANES):
+        S[ADDED_ + l] = _payload(S[T_ + l], p[l], on[l])
+    if (CARRIED >= 0 and any_on[CARRIED]) or (HUNG >= 0 and any_on[HUNG]):
+        for l in range(HALF):
+            m = l + HALF
+            added, reach = S[ADDED_ + m] / S[RATIO_ + l], _reach(p[m], on[m])
+            S[ADDED_ + l] += added * reach * reach
+            S[COUPLED_ + l] = S[COUPLING_ + l] + added * reach
+            sine, cosine = _hung(S[T_ + m], p[m], on[m])
+            S[HUNG_SINE_ + m], S[HUNG_COSINE_ + m] = sine, cosine
+            S[HUNG_SINE_ + l], S[HUNG_COSINE_ + l] = reach * sine / S[RATIO_ + l], reach * cosine / S[RATIO_ + l]
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _posed_pairs(S, angle, weight, hanging):
     """What a pose of planar pairs says, its angles in one row: the torques of their weight into another, and sine and
     cosine of the elbow."""
     if hanging:
         for l in range(HALF):
             q1, q2 = S[angle + l], S[angle + l] + S[angle + l + HALF]
-            pull = S[GRAVITY_SINE_ + l + HALF] * _sine(q2) + S[GRAVITY_COSINE_ + l + HALF] * _cosine(q2)
-            S[weight + l + HALF] = pull
-            S[weight + l] = pull / S[RATIO_ + l] + (
-                S[GRAVITY_SINE_ + l] * _sine(q1) + S[GRAVITY_COSINE_ + l] * _cosine(q1))
+            m = l + HALF
+            sine, cosine = S[GRAVITY_SINE_ + m] + S[HUNG_SINE_ + m], S[GRAVITY_COSINE_ + m] + S[HUNG_COSINE_ + m]
+            pull = sine * _sine(q2) + cosine * _cosine(q2)
+            sine, cosine = S[GRAVITY_SINE_ + l] + S[HUNG_SINE_ + l], S[GRAVITY_COSINE_ + l] + S[HUNG_COSINE_ + l]
+            S[weight + m] = pull
+            S[weight + l] = pull / S[RATIO_ + l] + (sine * _sine(q1) + cosine * _cosine(q1))
     else:
         for l in range(LANES):
             S[weight + l] = 0.0
@@ -1447,18 +1513,17 @@ def _planar_lanes(S, p, on, any_on, dry, hanging):
     hanging: whether gravity acts on any of them. R ends as the torques on what does not rest.
     """
     if _carries(any_on):
-        for l in range(LANES):
-            S[ADDED_ + l] = _payload(S[T_ + l], p[l], on[l])
+        _loaded_pairs(S, p, on, any_on)
     _posed_pairs(S, QS_, WEIGHT_, hanging)
     for l in range(HALF):
         S[SECOND_INERTIA_ + l] = S[INERTIA_ + HALF + l] / S[RATIO_ + l] + S[ADDED_ + HALF + l] / S[RATIO_ + l]
         S[FIRST_INERTIA_ + l] = (
             S[INERTIA_ + l] + S[ADDED_ + l] + (S[SHARED_ + l] + S[ADDED_ + HALF + l] / S[RATIO_ + l])
-            + 2.0 * S[COUPLING_ + l] * S[CROSS_ + l])
+            + 2.0 * S[COUPLED_ + l] * S[CROSS_ + l])
         S[CROSS_ + l] = (
-            S[SHARED_ + l] + S[ADDED_ + HALF + l] / S[RATIO_ + l] + S[COUPLING_ + l] * S[CROSS_ + l])
+            S[SHARED_ + l] + S[ADDED_ + HALF + l] / S[RATIO_ + l] + S[COUPLED_ + l] * S[CROSS_ + l])
     for l in range(HALF):
-        d1, d2, pull = S[DQS_ + l], S[DQS_ + HALF + l], S[COUPLING_ + l] * S[TURN_ + l]
+        d1, d2, pull = S[DQS_ + l], S[DQS_ + HALF + l], S[COUPLED_ + l] * S[TURN_ + l]
         S[R_ + l] = S[R_ + l] + pull * (2.0 * d1 * d2 + d2 * d2) - S[WEIGHT_ + l]
         S[TURN_ + l] = (S[R_ + HALF + l] - S[WEIGHT_ + HALF + l]) / S[RATIO_ + l] - pull * d1 * d1
         S[R_ + HALF + l] = S[TURN_ + l] * S[RATIO_ + l]
@@ -1488,8 +1553,7 @@ def _parted_pairs(S, p, on, any_on, dry, hanging):
     those that have a spring or a play (PARTED) and those that have none. What rests, and what no row says, goes one
     pair after the other."""
     if _carries(any_on):
-        for l in range(LANES):
-            S[ADDED_ + l] = _payload(S[T_ + l], p[l], on[l])
+        _loaded_pairs(S, p, on, any_on)
     for l in range(LANES):
         S[GIVEN_ + l] = S[R_ + l]
         d = S[QS_ + l] - S[QLS_ + l]
@@ -1521,11 +1585,11 @@ def _parted_pairs(S, p, on, any_on, dry, hanging):
         turning, rotor = S[TURNING_ + l], max(S[ROTOR_ + l], 1e-300)
         S[DRIVE_ + l] -= turning / rotor * S[R_ + m] / S[RATIO_ + l]
         S[FIRST_INERTIA_ + l] = (
-            S[BEHIND_ + l] + turning - turning * turning / rotor + carried + 2.0 * S[COUPLING_ + l] * S[CROSS_ + l])
-        S[CROSS_ + l] = carried + S[COUPLING_ + l] * S[CROSS_ + l]
+            S[BEHIND_ + l] + turning - turning * turning / rotor + carried + 2.0 * S[COUPLED_ + l] * S[CROSS_ + l])
+        S[CROSS_ + l] = carried + S[COUPLED_ + l] * S[CROSS_ + l]
     for l in range(HALF):
         m = l + HALF
-        d1, d2, pull = S[RATE_ + l], S[RATE_ + m], S[COUPLING_ + l] * S[TURN_ + l]
+        d1, d2, pull = S[RATE_ + l], S[RATE_ + m], S[COUPLED_ + l] * S[TURN_ + l]
         one, two, cross = S[FIRST_INERTIA_ + l], S[SECOND_INERTIA_ + l], S[CROSS_ + l]
         r1 = S[DRIVE_ + l] + pull * (2.0 * d1 * d2 + d2 * d2) - S[PLACE_ + l]
         r2 = (S[DRIVE_ + m] - S[PLACE_ + m]) / S[RATIO_ + l] - pull * d1 * d1
@@ -1649,9 +1713,10 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     slots = np.zeros(4, dtype=np.bool_)
     _present(union, slots)
     has = (slots[0], slots[1], slots[2], slots[3])
-    split, warm, hanging = _flexible(any_on) or _playing(any_on), _warming(any_on), False
+    split, warm = _flexible(any_on) or _playing(any_on), _warming(any_on)
+    hanging = HUNG >= 0 and any_on[HUNG]
     senses = _load_side(any_on) or _sensing(any_on)
-    weighs = LIGHT if _weighing(any_on) or x.shape[1] > 3 else 0
+    weighs = LIGHT if _weighing(any_on) or x.shape[1] > 3 or hanging else 0
     altered = has[0] or (LAG >= 0 and any_on[LAG])  # on its way through the amplifier, but for a delay
     direct = hold[0] == 0 and not altered
     lagging, limited = 0, False
@@ -1687,6 +1752,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
         for l in range(HALF):
             S[LAG_ + HALF + l] = u[begins[0], 1]
             S[COUPLING_ + l], S[RATIO_ + l], S[SHARED_ + l] = rigid[l, 0], rigid[l, 1], rigid[l, 2]
+            S[COUPLED_ + l] = rigid[l, 0]
     with_x, with_extra = x.shape[0] > 0, extra_in.shape[0] > 0
     lasted = np.full(LANES, T)
     resting = stopped = False
@@ -1995,6 +2061,7 @@ def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair,
         for l in range(LANES):
             candidate, joint = min(a + l % HALF, b - 1), l // HALF
             row[l], own[l], begin[l] = P[candidate, log, joint], on[candidate, joint], starts[candidate, log, joint]
+            _as_weight(row[l], own[l])
             constants[l % HALF] = rigid[candidate]
             if extra.shape[0] > 0:
                 outer[l] = extra[candidate, lo:hi, joint]

@@ -157,6 +157,8 @@ def test_time_enters_the_laws_of_disturbances_and_events_only() -> None:
         "collision",
         "payload_change",
         "payload_change_at_rest",
+        "payload_change_carried",
+        "payload_change_hung",
         "payload_change_weighed",
         "periodic_disturbance",
     }

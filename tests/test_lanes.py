@@ -222,6 +222,27 @@ def test_planar_pairs_in_lanes_are_one_at_a_time_bit_by_bit(effects: int, seed: 
     assert np.max(np.abs(lanes)) > 0.1
 
 
+@pytest.mark.parametrize("parted", [False, True])
+@pytest.mark.parametrize("name", ["payload_change_carried", "payload_change_hung", "gravity_tilt"])
+def test_what_acts_on_both_joints_of_a_pair(name: str, parted: bool) -> None:
+    by_name = {effect.name: effect for effect in KERNEL.effects}
+    effect = by_name[name]
+    count, column, own = 2 * LANES + 3, KERNEL.switches[name], KERNEL.own(effect)
+    parameters, switches, starts, rigid = pairs(count, 12, 0)
+    plain = of_pairs(parameters, switches, starts, rigid)[0]
+    values = {"inertia": 0.02, "time": 0.3, "reach": 1.4}
+    switches[::2, 1, column] = True
+    parameters[..., 1, own] = [values.get(parameter.name, 0.3) for parameter in effect.parameters]
+    if parted:
+        switches[1::3, 0, KERNEL.switches["joint_flexibility"]] = True
+        parameters[..., 0, KERNEL.own(by_name["joint_flexibility"])] = 0.4, 9.0, 0.1
+    lanes, alone = of_pairs(parameters, switches, starts, rigid)
+    assert np.array_equal(lanes, alone)
+    changed = np.any(lanes != plain, axis=(1, 2))
+    assert np.all(changed[::2])
+    assert parted or not np.any(changed[1::2])
+
+
 def transmissions(count: int, seed: int) -> np.ndarray:
     """Which spring or play each joint of so many pairs has, as a column of the switches; -1 where it is stiff."""
     known = [KERNEL.switches[effect.name] for effect in KERNEL.effects if effect.parts_the_arm]

@@ -124,6 +124,8 @@ class Effect:
     drives: whether the motor torque enters its law, which a function of its own shows by itself.
     scatters: whether small causes grow in it, as in impacts, so that what noise leaves depends on the motion.
     turns: whether its law is the same again a turn of 2 pi further.
+    on_the_arm: of a law of the second joint of a planar pair alone, which acts on the first one, too: whether by
+        their ``coupling`` or, in an arm that gravity pulls, also by its ``weight``.
     remembers: whether it has a state that outlasts the motion of a few seconds, which a log does not show.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
         `kind` is the name they share, `after` the instance that has to be there first; so may a form of a law.
@@ -151,6 +153,7 @@ class Effect:
     drives: bool = False
     scatters: bool = False
     turns: bool = False
+    on_the_arm: Literal["", "coupling", "weight"] = ""
     remembers: bool = False
     excludes: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()

@@ -68,4 +68,52 @@ WEIGHED = replace(
     after="payload_change",
 )
 """The load has a weight, too, about an axis that is not vertical."""
-EFFECTS = (EFFECT, AT_REST, WEIGHED)
+
+
+def carried(s):
+    """A load as far from its joint as that is from the first one."""
+    return [(0.05 * s.inertia, 0.4 * s.duration, 1.0)]
+
+
+def hung(s):
+    """The same with a weight that is felt."""
+    size = 0.05 * s.torque_rms / min(s.position_span, 1.0)
+    return [(0.05 * s.inertia, 0.4 * s.duration, 1.0, size, size)]
+
+
+CARRIED = replace(
+    EFFECT,
+    name="payload_change_carried",
+    kind="payload_change",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("reach", "ratio", "length of the first link over the load's lever", lower=0.0, upper=20.0),
+    ),
+    equation=(
+        r"J_2 \to J_2 + m,\ J_1 \to J_1 + r^2 m,\ p_3 \to p_3 + r m,\ p_2 \to p_2 + m"
+        r"\ \mathrm{for}\ t \geq t_0"
+    ),
+    excludes=(),
+    includes=("payload_change",),
+    neutral=(0.0,),
+    starts=carried,
+    on_the_arm="coupling",
+)
+"""The load is a mass at the end of the second link of a planar pair, which the first joint carries and feels, too."""
+HUNG = replace(
+    CARRIED,
+    name="payload_change_hung",
+    parameters=(*CARRIED.parameters, *WEIGHED.parameters[2:]),
+    equation=(
+        r"J_2 \to J_2 + m,\ J_1 \to J_1 + r^2 m,\ p_3 \to p_3 + r m,\ p_2 \to p_2 + m,\ "
+        r"\tau_2 \to \tau_2 + W(q_1 + q_2),\ \tau_1 \to \tau_1 + W(q_1 + q_2) + r W(q_1)"
+        r"\ \mathrm{for}\ t \geq t_0"
+    ),
+    amplitudes=(0, 3, 4),
+    includes=("payload_change", "payload_change_carried"),
+    neutral=(0.0, 0.0, 0.0),
+    starts=hung,
+    on_the_arm="weight",
+)
+"""The same where gravity pulls the arm: W(q) = weight_sine sin q + weight_cosine cos q is the load's weight."""
+EFFECTS = (EFFECT, AT_REST, WEIGHED, CARRIED, HUNG)

@@ -93,7 +93,7 @@ CARRIED = replace(
         r"J_2 \to J_2 + m,\ J_1 \to J_1 + r^2 m,\ p_3 \to p_3 + r m,\ p_2 \to p_2 + m"
         r"\ \mathrm{for}\ t \geq t_0"
     ),
-    excludes=(),
+    excludes=("payload_change_at_rest", "payload_change_weighed"),
     includes=("payload_change",),
     neutral=(0.0,),
     starts=carried,

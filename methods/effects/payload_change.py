@@ -116,4 +116,7 @@ HUNG = replace(
     on_the_arm="weight",
 )
 """The same where gravity pulls the arm: W(q) = weight_sine sin q + weight_cosine cos q is the load's weight."""
+_ARMS = (CARRIED.name, HUNG.name)
+AT_REST = replace(AT_REST, excludes=(*AT_REST.excludes, *_ARMS))
+WEIGHED = replace(WEIGHED, excludes=(*WEIGHED.excludes, *_ARMS))
 EFFECTS = (EFFECT, AT_REST, WEIGHED, CARRIED, HUNG)

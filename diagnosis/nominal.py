@@ -88,7 +88,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
     motion: list[tuple[Array, ...]] = []
     spans = [slice(*span) for span in pairwise(problem.bounds.tolist())]
     seconds = max(0.02, 8 * problem.sample_time)
-    every = 1 + len(problem.time) // ROWS
+    thinned = slice(None, None, 1 if beside is None else 1 + len(problem.time) // ROWS)
     if problem.pair:  # noise hides what the joints do to one another
         seconds = max(seconds, window([(problem.time[span], problem.reading[span]) for span in spans]))
     for span in spans:
@@ -101,13 +101,9 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
             columns = [ddq[:, j], dq[:, j], np.tanh(dq[:, j] / (0.05 * np.std(dq[:, j]) + 1e-12)), np.ones(len(q))]
             if structures[j].gravity == "pendulum":
                 columns += [np.sin(q[:, j]), np.cos(q[:, j])]
-            own = side[:, j] - (problem.neighbour[span, j, 3] if problem.arm else 0.0)
-            if beside is not None:
-                columns = [column[::every] for column in columns]
-                columns += torques_of(beside, q[::every, j], dq[::every, j])
-                own = own[::every]
-            rows[j].append(np.stack(columns, axis=1))
-            sides[j].append(own)
+            laws = [] if beside is None else torques_of(beside, q[thinned, j], dq[thinned, j])
+            rows[j].append(np.stack([*(column[thinned] for column in columns), *laws], axis=1))
+            sides[j].append((side[:, j] - (problem.neighbour[span, j, 3] if problem.arm else 0.0))[thinned])
     solutions = []
     for j in range(n):
         matrix, target = np.concatenate(rows[j]), np.concatenate(sides[j])

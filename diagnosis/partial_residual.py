@@ -33,6 +33,8 @@ WINDOWS = (0.015, 0.03, 0.06, 0.12, 0.24)
 BINS = 61
 SHOWN_RIVALS = 2
 SHOWN_DEPENDENCES = 2
+LINK = "angle of the link"
+"""Signal that a law of the second link of a planar pair follows: the sum of both joints' angles."""
 
 
 def partial_residuals(problem: Problem, finding: Finding, joint: int, units: JointUnits) -> tuple[PartialResidual, ...]:
@@ -88,6 +90,8 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
             break
     laws = [(item.label, law), *((s.label, transformed(share(s.fitted, s.name), seconds)) for s in rivals)]
     name = "velocity" if effect.variable == "direction" else effect.variable
+    if is_of_the_link(problem, effect, joint):
+        name = LINK
     x, unit = _signal(problem, final.point, joint, name, units)
     frame = PartialResidual(
         effect=effect.label,
@@ -105,6 +109,11 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
     if frame.continuous:
         return _stretch(problem, frame, effect.scan == "event")
     return _binned(frame, _shown(problem, final.point, effect, joint, x))
+
+
+def is_of_the_link(problem: Problem, effect: Effect, joint: int) -> bool:
+    """Whether an effect of a joint is one of the second link of a planar pair, which turns with both joints."""
+    return problem.pair and joint == 1 and bool(effect.of_the_link)
 
 
 def _kind(effect: Effect) -> Literal["command", "resistance", "reading"]:
@@ -134,6 +143,8 @@ def _signal(problem: Problem, point: Point, joint: int, name: str, units: JointU
         q, dq, ddq = (x[:, 0] for x in smooth_derivatives(problem.time[a:b], problem.reading[a:b, [joint]], seconds))
         if name == "position":
             unit, part = units.position, problem.reading[a:b, joint]
+        elif name == LINK:
+            unit, part = units.position, problem.reading[a:b].sum(axis=1)
         elif name == "velocity":
             unit, part = f"{units.position}/s", dq
         elif name == "acceleration":

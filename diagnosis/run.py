@@ -36,7 +36,7 @@ from diagnosis.nominal import JointStructure, settle_stamps
 from diagnosis.open_laws import left_open
 from diagnosis.output import to_json
 from diagnosis.parameters import JointUnits, effect_parameters, joint_units, nominal_parameters
-from diagnosis.partial_residual import partial_residuals
+from diagnosis.partial_residual import is_of_the_link, partial_residuals
 from diagnosis.preparation import (
     DiagnosisError,
     Recordings,
@@ -620,11 +620,12 @@ def named_effect(solved: Solved, item: Accepted, spread: Array, joint: int, unit
     """An accepted effect with canonical parameters at the final fit."""
     hypothesis = item.scored.start.hypothesis
     effect = hypothesis.effect
+    of_the_link = is_of_the_link(solved.problem, effect, item.joint)
     return NamedEffect(
         name=effect.label,
         joint=joint,
         stage=effect.stage,
-        equation=effect.equation,
+        equation=effect.of_the_link.replace("q_1", f"q_{solved.joints[0]}") if of_the_link else effect.equation,
         variable=effect.variable,
         parameters=effect_parameters(solved.problem, solved.finding.final, spread, item, units),
         evidence=evidence(item.scored, item.material),

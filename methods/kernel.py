@@ -713,17 +713,24 @@ def _play_column(on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _present_share(t, p, column):
+    """Share of an event that has happened by time t, its instant in a column: within one step, so that it has a
+    derivative."""
+    return min(max((t - p[column]) / p[STEP] + 0.5, 0.0), 1.0)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _payload(t, p, on):
     """Inertia that has been picked up by time t."""
     added = 0.0
-    if PAYLOAD >= 0 and on[PAYLOAD]:  # over one step, so that its instant has a derivative
-        added += p[PAYLOAD_P] * min(max((t - p[PAYLOAD_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
+    if PAYLOAD >= 0 and on[PAYLOAD]:
+        added += p[PAYLOAD_P] * _present_share(t, p, PAYLOAD_P + 1)
     if WEIGHED >= 0 and on[WEIGHED]:
-        added += p[WEIGHED_P] * min(max((t - p[WEIGHED_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
+        added += p[WEIGHED_P] * _present_share(t, p, WEIGHED_P + 1)
     if CARRIED >= 0 and on[CARRIED]:
-        added += p[CARRIED_P] * min(max((t - p[CARRIED_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
+        added += p[CARRIED_P] * _present_share(t, p, CARRIED_P + 1)
     if HUNG >= 0 and on[HUNG]:
-        added += p[HUNG_P] * min(max((t - p[HUNG_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
+        added += p[HUNG_P] * _present_share(t, p, HUNG_P + 1)
     if GRASP >= 0 and on[GRASP] and t >= p[GRASP_P + 1]:
         added += p[GRASP_P]
     return added
@@ -744,7 +751,7 @@ def _reach(p, on):
 def _hung(t, p, on):
     """Sine and cosine part of the weight of such a load at time t."""
     if HUNG >= 0 and on[HUNG]:
-        share = min(max((t - p[HUNG_P + 1]) / p[STEP] + 0.5, 0.0), 1.0)
+        share = _present_share(t, p, HUNG_P + 1)
         return share * p[HUNG_P + 3], share * p[HUNG_P + 4]
     return 0.0, 0.0
 

@@ -7,6 +7,8 @@ import pytest
 
 from diagnosis.engine import find
 from diagnosis.nominal import JointStructure
+from diagnosis.parameters import JointUnits
+from diagnosis.partial_residual import partial_residuals
 from diagnosis.problem import stack
 from envs.log import JointFacts, Log
 from methods.effects import built_in
@@ -84,3 +86,9 @@ def test_what_acts_on_both_links_is_found_as_one_arms(
     for item in finding.accepted:
         values = finding.final.point.parameters[0, item.joint, KERNEL.own(item.effect)]
         assert values == pytest.approx(expected[item.name, item.joint], rel=0.01, abs=0.01)
+    if load == 0.0:  # the second link's angle is the sum of both joints'
+        drawn = [partial_residuals(problem, finding, j, JointUnits("torque", "rad"))[0] for j in (0, 1)]
+        assert [part.signal for part in drawn] == ["position", "angle of the link"]
+        both = problem.reading[problem.used].sum(axis=1)
+        assert np.ptp(drawn[1].x) > 0.8 * np.ptp(both)
+        assert np.all((drawn[1].x >= both.min()) & (drawn[1].x <= both.max()))

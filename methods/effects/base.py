@@ -126,6 +126,7 @@ class Effect:
     turns: whether its law is the same again a turn of 2 pi further.
     on_the_arm: of a law of the second joint of a planar pair alone, which acts on the first one, too: whether by
         their ``coupling`` or, in an arm that gravity pulls, also by its ``weight``.
+    of_the_link: its equation for the second link of a planar pair, where it turns with both joints and acts on both.
     remembers: whether it has a state that outlasts the motion of a few seconds, which a log does not show.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
         `kind` is the name they share, `after` the instance that has to be there first; so may a form of a law.
@@ -154,6 +155,7 @@ class Effect:
     scatters: bool = False
     turns: bool = False
     on_the_arm: Literal["", "coupling", "weight"] = ""
+    of_the_link: str = ""
     remembers: bool = False
     excludes: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()

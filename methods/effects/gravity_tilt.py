@@ -1,5 +1,7 @@
 """Tilted axis: gravity acts on a joint whose axis was taken to be vertical.
 
+In a planar pair it is a weight of the link (`methods.kernel`): the second one's turns with both joints.
+
 Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, section 9.
 """
 
@@ -34,4 +36,5 @@ EFFECT = Effect(
     starts=starts,
     function=torque,
     turns=True,
+    of_the_link=r"\tau_g = T\,\sin(q_1 + q + \varphi),\ \tau_1 \to \tau_1 + \tau_g",
 )

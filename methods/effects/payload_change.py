@@ -9,6 +9,8 @@ from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter
 
+ON_THE_ARM = ("payload_change_carried", "payload_change_hung")
+"""The forms that two links of a planar pair have."""
 EFFECT = Effect(
     name="payload_change",
     stage="arm",
@@ -29,7 +31,7 @@ AT_REST = replace(
     kind="payload_change",
     parameters=(replace(EFFECT.parameters[0], lower=0.0), EFFECT.parameters[1]),
     equation=r"J \to J + m,\ \dot q \to \dot q\,J / (J + m)\ \mathrm{at}\ t = t_0",
-    excludes=("payload_change",),
+    excludes=("payload_change", *ON_THE_ARM),
 )
 """The load rested when it was picked up: the momentum is continuous, not the velocity."""
 EFFECT = replace(EFFECT, excludes=("payload_change_at_rest",))
@@ -66,6 +68,7 @@ WEIGHED = replace(
     includes=("payload_change",),
     neutral=(0.0, 0.0),
     after="payload_change",
+    excludes=(*EFFECT.excludes, *ON_THE_ARM),
 )
 """The load has a weight, too, about an axis that is not vertical."""
 
@@ -116,7 +119,4 @@ HUNG = replace(
     on_the_arm="weight",
 )
 """The same where gravity pulls the arm: W(q) = weight_sine sin q + weight_cosine cos q is the load's weight."""
-_ARMS = (CARRIED.name, HUNG.name)
-AT_REST = replace(AT_REST, excludes=(*AT_REST.excludes, *_ARMS))
-WEIGHED = replace(WEIGHED, excludes=(*WEIGHED.excludes, *_ARMS))
 EFFECTS = (EFFECT, AT_REST, WEIGHED, CARRIED, HUNG)

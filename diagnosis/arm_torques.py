@@ -3,10 +3,12 @@
 A joint is simulated with its own inertia and gravity around the pose of the logs. Everything else that the rigid body
 asks of its motor,
 
-    rest_j = [W_j(q, q', q'') - W_j(own motion alone, the others at the pose)] theta,
+    rest_j + change_j q_j'' = [W_j(q, q', q'') - W_j(own motion alone, the others at the pose)] theta,
 
-the coupling inertias, Coriolis and centrifugal torques and the change of its own inertia and gravity with the pose, is
-known from the description (theta: ten inertial parameters per link) and the measured motion. The description's numbers
+the coupling inertias, Coriolis and centrifugal torques and the change of its own gravity with the pose (rest_j), and
+the change of its own inertia, is known from the description (theta: ten inertial parameters per link) and the measured
+motion. Its own acceleration is simulated: a measured one holds what the command, and the noise in it, are still to make
+of the joint, and none of what is too fast for its encoder. The description's numbers
 are uncertain: ``theta = theta_0 + S z``, z standard normal. A linear regression of the command updates them, dry
 friction and the joint's own terms left free, and the leading principal components of what it leaves uncertain join as
 further torques of unknown size, so that a wrong mass is not taken for an effect.
@@ -47,37 +49,60 @@ REVERSAL = 0.1
 """Share of the rms velocity below which a joint reverses."""
 MOVING = 0.2
 """Share of the samples that has to be left."""
+DRAWS = 4
+"""Draws of the torques that the description may be off by."""
 ROUNDS = 5
 """Times that the noise of that is estimated anew."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmTorques:
-    """The torques of the rest of the arm on a joint, per log: description, pose (N,) and components (10 N, R).
+    """The torques of the rest of the arm on a joint, per log: description, pose (N,) and components (10 N, 1 + R).
 
-    unit: command units per joint torque. seconds: length of the smoothing window.
+    open: square root (10 N, K) of the covariance of the description beside the components, which the fitted logs have
+    not changed enough to matter. Other motion may ask for it. unit: command units per joint torque. seconds: length of
+    the smoothing window.
     """
 
     body: pin.Model
     joint: int
     pose: Array
     components: Array
+    open: Array
     unit: float
     seconds: float
 
-    def columns(self, log: Log) -> Array:
-        """What the description says and the leading components of its uncertainty, in command units (T, 1 + R)."""
-        return self.unit * self.regressor(log) @ self.components
+    def of(self, log: Log) -> tuple[Array, Array]:
+        """See `diagnosis.problem.KnownTorques`: what the description says and the leading components of its
+        uncertainty; draws of what else is uncertain."""
+        torque, inertia, acceleration = self.regressors(log)
+        known = self.unit * np.concatenate([torque @ self.components, inertia @ self.components], axis=1)
+        off = self.open @ np.random.default_rng(0).standard_normal((self.open.shape[1], DRAWS))
+        doubts = self.unit * (torque @ off + acceleration[:, None] * (inertia @ off))
+        for item in (known, doubts):
+            item[:-1] = 0.5 * (item[:-1] + item[1:])
+        return known, doubts
 
     def regressor(self, log: Log) -> Array:
-        """``W_j`` less that of the joint's own motion (T, 10 N)."""
+        """``W_j`` less that of the joint's own motion (T, 10 N), its measured acceleration included."""
+        torque, inertia, acceleration = self.regressors(log)
+        return torque + inertia * acceleration[:, None]
+
+    def regressors(self, log: Log) -> tuple[Array, Array, Array]:
+        """The same without the joint's own acceleration, what is to be multiplied by that, both (T, 10 N), and its
+        measured acceleration (T,)."""
         from envs.pinocchio_model import torque_regressor
 
         j, motion = self.joint - 1, motion_of(log.time, log.position, self.seconds)
         every = full_states(motion, [number - 1 for number in log.joints], self.pose)
         alone = full_states([signal[:, [log.index(self.joint)]] for signal in motion], [j], self.pose)
-        whole, own = (torque_regressor(self.body, *states, rows=[j])[:, 0] for states in (every, alone))
-        return whole - own
+        acceleration = every[2, :, j].copy()
+        found = []
+        for own in (0.0, 1.0):
+            every[2, :, j] = alone[2, :, j] = own
+            whole, single = (torque_regressor(self.body, *states, rows=[j])[:, 0] for states in (every, alone))
+            found.append(whole - single)
+        return found[0], found[1] - found[0], acceleration
 
 
 def arm_torques(robot: Robot | None, logs: Sequence[Log], joint: int, pose: Array) -> ArmTorques | None:
@@ -91,9 +116,8 @@ def arm_torques(robot: Robot | None, logs: Sequence[Log], joint: int, pose: Arra
     theta = inertial_parameters(body)
     unit = robot.joint(joint).drive.input_equivalent
     parts = [part for log in logs for part in segments(log, LIMIT // len(logs))]
-    plain = ArmTorques(
-        body, joint, pose, np.eye(len(theta)), unit, window([(part.time, part.position) for part in parts])
-    )
+    seconds = window([(part.time, part.position) for part in parts])
+    plain = ArmTorques(body, joint, pose, np.eye(len(theta)), np.zeros((len(theta), 0)), unit, seconds)
     rows_of = [filtered(plain, part) for part in parts]
     own, regressor, torque = (np.concatenate([found[i] for found in rows_of]) for i in range(3))
     rows = slice(None, None, max(1, len(torque) // LEARNED))
@@ -104,7 +128,9 @@ def arm_torques(robot: Robot | None, logs: Sequence[Log], joint: int, pose: Arra
     count = min(int(np.sum(values / np.sqrt(len(regressor[rows])) > least)), SHAPES)
     if count == 0 and rms(regressor @ theta) < least:
         return None
-    return replace(plain, components=np.column_stack([theta, spread @ shapes[:count].T]))
+    return replace(
+        plain, components=np.column_stack([theta, spread @ shapes[:count].T]), open=spread @ shapes[count:].T
+    )
 
 
 def filtered(known: ArmTorques, log: Log) -> tuple[Array, Array, Array]:
@@ -131,15 +157,15 @@ def filtered(known: ArmTorques, log: Log) -> tuple[Array, Array, Array]:
 def updated(
     theta: Array, deviation: Array, regressor: Array, own: Array, torque: Array, independent: float
 ) -> tuple[Array, Array]:
-    """Inertial parameters (10 N,) and a square root (10 N, K) of their covariance, after the joint's own command.
+    """Inertial parameters (10 N,) and a square root (10 N, 10 N) of their covariance, after the joint's own command.
 
     Linear regression of the torque (T,) on the joint's own motion (T, 8), about which nothing is known, and on
     ``W S z`` with z standard normal. Its residuals, unmodelled effects included, count as noise of which only
     `independent` samples tell something new.
     """
-    basis, values, shapes = np.linalg.svd(regressor * deviation, full_matrices=False)
+    basis, values, every = np.linalg.svd(regressor * deviation, full_matrices=False)
     kept = values > 1e-6 * max(values[0], 1e-300)
-    basis, values, shapes = basis[:, kept], values[kept], shapes[kept]
+    basis, values, shapes, silent = basis[:, kept], values[kept], every[kept], every[~kept]
     own = own / (np.sqrt(np.mean(own**2, axis=0)) + 1e-300)
     outer = np.linalg.qr(own)[0]
     free = lambda matrix: matrix - outer @ (outer.T @ matrix)  # noqa: E731
@@ -152,8 +178,9 @@ def updated(
         covariance = np.linalg.inv(gram * weight + np.eye(len(values)))
         z = covariance @ side * weight
         variance = float(np.mean((target - design @ z) ** 2))
-    # the directions that these logs do not excite stay as described, and do not act on them
-    return theta + deviation * (z @ shapes), (deviation * shapes).T @ np.linalg.cholesky(covariance)
+    # the directions that these logs do not excite stay as described
+    spread = np.concatenate([np.linalg.cholesky(covariance).T @ shapes, silent])
+    return theta + deviation * (z @ shapes), (deviation * spread).T
 
 
 def uncertainty(theta: Array) -> Array:

@@ -147,6 +147,7 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
     width, failing = window_width(WINDOW, held_out.sample_time), {}
     rough = any(item.effect.scatters for item in finding.accepted)
     predicts = cache(lambda: deviance(held_out, finding.final) < deviance(held_out, finding.nominal))
+    doubted = cache(lambda: doubt(held_out, found[-1]))
     floors = cache(  # by the share of the covariance that a model may be off
         lambda share: imitated_floor(held_out, finding.final, share * finding.covariance, found[-1].point, WINDOW)
     )
@@ -163,11 +164,12 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
         if after < enough:
             continue
         most = max(BEYOND**2, chi2.isf(CHANCE, count) / count)
-        floor = floor_of(problem, held_out, finding, j)
+        floor = float(np.hypot(floor_of(problem, held_out, finding, j), doubted()[j]))
         times = np.sqrt(after) / floor
         exceeds = not elsewhere and times**2 > most
         if exceeds and finding.band is None:  # dry friction, coupling and uncertainty make more of the noise
-            exceeds = after > most * (floors(1.0)[j] ** 2 + max(faster(problem, held_out, finding, j), 0.0))
+            unsure = doubted()[j] ** 2 + max(faster(problem, held_out, finding, j), 0.0)
+            exceeds = after > most * (floors(1.0)[j] ** 2 + unsure)
         if exceeds:
             failing[j] = Failure(float(times), noise=True)
         elif (after > WORSE**2 * before and not (rough and predicts())) or (
@@ -178,6 +180,18 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
         ):
             failing[j] = Failure(float(np.sqrt(after / before)), noise=False)
     return failing
+
+
+def doubt(held_out: Problem, step: Step) -> Array:
+    """Window error (n,) that a model may owe to what the description, and the fitted logs, leave open of the torques of
+    the rest of the arm: other motion asks for numbers that theirs did not."""
+    squares = [np.zeros(held_out.joints)]
+    for torque in held_out.doubts.T:
+        near = held_out.neighbour.copy()
+        near[:, :, 3] += torque[:, None]
+        moved = replay(replace(held_out, neighbour=near), step.point, WINDOW)
+        squares.append(np.nanmean((moved.windows - step.replay.windows) ** 2, axis=0))
+    return np.asarray(np.sqrt(np.sum(squares, axis=0) / max(len(squares) - 1, 1)))
 
 
 def is_unearned(before: float, after: float, floor: float) -> bool:
@@ -197,14 +211,12 @@ def rows(
     draws = resampled(blocks, rng)
     table: list[LedgerRow] = []
     for i, step in enumerate(found):
-        if step.joint not in (None, j):
-            continue
         inverse = input_equivalent(held_out, step.point, step.replay.prediction)[held_out.used, j]
         parts, whole, note = simulated(step.replay.windows[:, j], step.replay.whole[:, j])
         table.append(
             LedgerRow(
                 joint=joint,
-                step=step.title,
+                step=step.title if step.joint in (None, j) else f"{step.title} at the other joint",
                 role=step.role,  # type: ignore[arg-type]
                 inverse_error=rms(inverse),
                 window_error=parts,

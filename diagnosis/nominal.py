@@ -103,7 +103,11 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
                 columns += [np.sin(q[:, j]), np.cos(q[:, j])]
             laws = [] if beside is None else torques_of(beside, q[thinned, j], dq[thinned, j])
             rows[j].append(np.stack([*(column[thinned] for column in columns), *laws], axis=1))
-            sides[j].append((side[:, j] - (problem.neighbour[span, j, 3] if problem.arm else 0.0))[thinned])
+            own_side = side[:, j]
+            if problem.arm is not None:
+                near = problem.neighbour[span, j]
+                own_side = own_side - near[:, 3] - near[:, 3 + problem.arm_shapes] * ddq[:, j]
+            sides[j].append(own_side[thinned])
     solutions = []
     for j in range(n):
         matrix, target = np.concatenate(rows[j]), np.concatenate(sides[j])
@@ -165,7 +169,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
         elif structure.gravity == "constant":
             parameters[:, j, COLUMN["load"]] = x[3]
             free.append(Free(f"load@{j}", "joint", j, COLUMN["load"], drive))
-        for column in range(COLUMN["arm"], COLUMN["arm"] + problem.neighbour.shape[2] - 3):
+        for column in range(COLUMN["arm"], COLUMN["arm"] + problem.arm_shapes):
             size, deviation = (1.0, UNCERTAIN) if column == COLUMN["arm"] else (0.0, 1.0)
             parameters[:, j, column] = size
             free.append(Free(f"{NOMINAL[column]}@{j}", "joint", j, column, 1.0, centre=size, deviation=deviation))

@@ -3,7 +3,8 @@
 The prediction errors of the whole model and of the model whose effect is switched off (all other parameters as finally
 estimated) are turned into the commands d and d_off that explain them (`diagnosis.replay.input_equivalent`). Then
 ``law = d_off - d`` is the effect's share, and ``d_off = law + d`` is what it has to explain. For an error of the sensor
-the same holds for the reading: the integral of the velocity error ``e' + L e`` of a simulation with leak L.
+the same holds for the reading: the integral of the velocity error ``e' + L e`` of a simulation with leak L. In an arm
+an effect moves both joints, and its share takes the errors of both; what is left takes the joint's own.
 
 Source: R. D. Cook, Exploring partial residual plots, Technometrics 35 (1993).
 """
@@ -76,16 +77,16 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
     def share(fitted: Fitted, name: str) -> Array:
         return errors(problem, [without_effect(problem, fitted.point, name, joint)])[0] - fitted.error
 
-    def transformed(error: Array, seconds: float) -> Array:
+    def transformed(error: Array, seconds: float, simulated: bool = True) -> Array:
         if kind == "reading":
             return missing_reading(problem, error, joint)
-        torque = input_equivalent(problem, final.point, error, seconds)[:, joint]
+        torque = input_equivalent(problem, final.point, error, seconds, arm=simulated)[:, joint]
         return -torque if kind == "resistance" else torque
 
     own = share(final, item.name)
     seconds = WINDOWS[-1]
     for seconds in WINDOWS:
-        law, after = transformed(own, seconds), transformed(final.error, seconds)
+        law, after = transformed(own, seconds), transformed(final.error, seconds, simulated=False)
         if np.std(after[problem.used]) < 0.3 * np.std(law[problem.used]):
             break
     laws = [(item.label, law), *((s.label, transformed(share(s.fitted, s.name), seconds)) for s in rivals)]

@@ -57,10 +57,12 @@ class Free:
 
 
 class KnownTorques(Protocol):
-    """Torques on a joint that are known of a log up to their sizes."""
+    """Torques on a joint, and changes of its inertia, that are known of a log up to their sizes."""
 
-    def columns(self, log: Log) -> Array:
-        """Torques that resist, in command units (T, R); the first is known with its size."""
+    def of(self, log: Log) -> tuple[Array, Array]:
+        """In command units, on average from one sample to the next, (T, 2 R): torques that resist, the first known with
+        its size, and by how much more the joint's inertia is than around its pose; and draws (T, M) of the torques that
+        these may be off by."""
 
 
 @dataclass(frozen=True)
@@ -86,16 +88,17 @@ class Work:
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Stacked logs. Shapes: time (T,), command and reading (T, n), bounds (L + 1,),
-    neighbour (T, n, 3 + R) or (0, n, 3).
+    neighbour (T, n, 3 + 2 R) or (0, n, 3).
 
-    neighbour: acceleration, velocity and command of the next joint, then R known torques of the rest of the `arm`.
+    neighbour: acceleration, velocity and command of the next joint, then R known torques of the rest of the `arm`, and
+    R changes of the joint's inertia with its pose; the same R numbers are the sizes of both.
 
     leak [rad/s] pulls the predicted angle towards the measured one, rate_leak [1/s^2] the velocity; burn_in [s] is what
     is discarded at the beginning of every log while initial errors of the angle decay. decimation: the errors are
     compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band). thinning: samples of the logs
     that one of these stands for (`coarser`). stamps: see `Stamps`.
     command_limits: largest command per joint, 0 where unknown. dither: see `dither_of`. motions: see
-    `diagnosis.estimation.predicted_motion`.
+    `diagnosis.estimation.predicted_motion`. doubts: what the torques of the arm may be off by, (T, draws) or (0, 0).
     """
 
     kernel: Kernel
@@ -119,6 +122,7 @@ class Problem:
     command_limits: tuple[float, ...] = ()
     starts: Array = field(default_factory=lambda: np.zeros((0, 0, len(BEGINNING))))
     arm: KnownTorques | None = None
+    doubts: Array = field(default_factory=lambda: np.zeros((0, 0)))
     dither: Array = field(default_factory=lambda: np.zeros(0))
     work: Work = field(default_factory=Work)
     motions: WeakKeyDictionary[Any, Array] = field(default_factory=WeakKeyDictionary, init=False, repr=False)
@@ -130,6 +134,11 @@ class Problem:
     @property
     def logs(self) -> int:
         return len(self.bounds) - 1
+
+    @property
+    def arm_shapes(self) -> int:
+        """Number of known torques of the rest of an arm."""
+        return (self.neighbour.shape[2] - 3) // 2
 
     @cached_property
     def sample_time(self) -> float:
@@ -344,6 +353,7 @@ def coarser(problem: Problem, decimation: int) -> Problem:
         neighbour=problem.neighbour[np.concatenate(steps)].mean(axis=1)
         if len(problem.neighbour)
         else problem.neighbour,
+        doubts=problem.doubts[every] if len(problem.doubts) else problem.doubts,
         bounds=np.cumsum([0, *map(len, rows)]),
         hold=np.zeros_like(problem.hold),
         substeps=1,
@@ -428,11 +438,11 @@ def stack(
 ) -> Problem:
     """Lay out logs for a fit of the named joints; other joints of the logs serve as neighbours for coupling effects.
 
-    arm: known torques of the rest of the arm on a single joint; they are held over samples. dither: that of other logs
+    arm: known torques of the rest of the arm on a single joint. dither: that of other logs
     (n,), where these are compared with them: a sensor has the same noise in all.
     """
     parts = [part for log in logs for part in segments(log, LIMIT // len(logs))]
-    times, commands, readings, others, starts = [], [], [], [], []
+    times, commands, readings, others, starts, doubts = [], [], [], [], [], []
     for log in parts:
         columns = [log.index(joint) for joint in joints]
         times.append(log.time)
@@ -453,9 +463,9 @@ def stack(
                 near[:, i, 1] = smooth[1][:, other]
                 near[:, i, 2] = log.command[:, other]
             if arm is not None:
-                known = arm.columns(log)
-                known[:-1] = 0.5 * (known[:-1] + known[1:])
+                known, off = arm.of(log)
                 near = np.concatenate([near, known[:, None]], axis=2)
+                doubts.append(off)
             others.append(near)
     first = parts[0]
     facts = [first.facts[first.index(joint)] for joint in joints]
@@ -487,6 +497,7 @@ def stack(
         command_limits=tuple(fact.command_limit or 0.0 for fact in facts),
         starts=np.array(starts),
         arm=arm,
+        doubts=np.concatenate(doubts) if doubts else np.zeros((0, 0)),
     )
 
 

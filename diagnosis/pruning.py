@@ -29,6 +29,8 @@ from methods.parallel import each
 
 SURE = 20.0
 """Wald statistic of an effect, over what its removal has to cost, from which it is taken to cost that."""
+CLEARLY = 0.9
+"""Share of the error of free simulation that a spring or a play leaves at most, beside torques of an arm."""
 CLEARED = 0.1
 """What may stay unexplained, as a share of what a small effect explains, for it to be more than a repair of a law."""
 
@@ -241,7 +243,11 @@ def general(
             smaller.criterion - base.criterion > item.scored.price
             and (not is_weak or happens(held_out, there.point, item.effect, item.joint))
             and not misfit(less) < misfit(there)
-            and (problem.arm is None or is_stated(item, base, smaller, settings) or is_closer(held_out, there, less))
+            and (
+                problem.arm is None
+                or is_stated(item, base, smaller, settings)
+                or is_closer(held_out, item.effect, there, less)
+            )
             and is_of_motion(problem, base, smaller)
         )
         if not shows:
@@ -256,9 +262,13 @@ def is_stated(item: Accepted, base: Fitted, smaller: Fitted, settings: Settings)
     return more > item.scored.price + settings.threshold
 
 
-def is_closer(held_out: Problem, there: Fitted, less: Fitted) -> bool:
-    """Whether free simulations of data that are not fitted come closer with an effect than without it."""
-    return astray(held_out, there) < astray(held_out, less)
+def is_closer(held_out: Problem, effect: Effect, there: Fitted, less: Fitted) -> bool:
+    """Whether free simulations of data that are not fitted come closer with an effect than without it.
+
+    A spring or a play filters what the rest of the arm does to a motor, and makes up for what that is measured with; it
+    has to bring them clearly closer.
+    """
+    return astray(held_out, there) < (CLEARLY if effect.parts_the_arm else 1.0) * astray(held_out, less)
 
 
 def astray(held_out: Problem, there: Fitted) -> float:

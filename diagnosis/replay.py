@@ -147,17 +147,22 @@ def corrected(problem: Problem, point: Point, state: tuple[Array, Array], shift:
     return states, bristles
 
 
-def input_equivalent(problem: Problem, point: Point, error: Array, seconds: float = SMOOTHING) -> Array:
+def input_equivalent(
+    problem: Problem, point: Point, error: Array, seconds: float = SMOOTHING, *, arm: bool = False
+) -> Array:
     """Prediction errors (T, n) as the command that has to be added to explain them, smoothed over `seconds`.
 
     With leak L, inertia J, viscous damping b, back-EMF k and the winding's lag T, the model's velocity errs by
-    ``s = e' + L e`` and lacks ``J s' + b s + k s / (T p + 1)``.
+    ``s = e' + L e`` and lacks ``J s' + b s + k s / (T p + 1)``. J changes with an arm's pose, and that of the first
+    joint of a planar pair is M11. Each joint's error is taken for its own, unless `arm` asks for the whole mass matrix
+    of a pair and the velocities' torques, as the difference of two simulations does; in readings that would show one
+    encoder's noise at the other joint.
     """
     result = np.zeros_like(error)
     dt = problem.sample_time
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
         e, rate, bend = smooth_derivatives(problem.time[a:b], error[a:b], max(seconds, 8 * dt))
-        speed = rate + problem.leak * e
+        speed, change = rate + problem.leak * e, bend + problem.leak * rate
         for j, p in enumerate(point.parameters[log]):
             inertia, viscous, arm_viscous, back_emf, lag = (
                 p[NOMINAL.index(name)]
@@ -165,8 +170,20 @@ def input_equivalent(problem: Problem, point: Point, error: Array, seconds: floa
             )
             keep = np.exp(-dt / lag) if lag > 0 else 0.0
             braked = lfilter([1.0 - keep], [1.0, -keep], speed[:, j])
-            change = bend[:, j] + problem.leak * rate[:, j]
-            result[a:b, j] = inertia * change + (viscous + arm_viscous) * speed[:, j] + back_emf * braked
+            if problem.arm is not None:
+                sizes = p[NOMINAL.index("arm") :][: problem.arm_shapes]
+                inertia = inertia + problem.neighbour[a:b, j, 3 + problem.arm_shapes :] @ sizes
+            result[a:b, j] = inertia * change[:, j] + (viscous + arm_viscous) * speed[:, j] + back_emf * braked
+        if problem.pair:
+            coupling, ratio, shared = point.rigid
+            cosine, sine = np.cos(problem.reading[a:b, 1]), np.sin(problem.reading[a:b, 1])
+            result[a:b, 0] += (shared + 2.0 * coupling * cosine) * change[:, 0]
+            if arm:
+                d1, d2 = smooth_derivatives(problem.time[a:b], problem.reading[a:b], max(seconds, 8 * dt))[1].T
+                both = shared + coupling * cosine
+                turning = d2 * speed[:, 0] + (d1 + d2) * speed[:, 1]
+                result[a:b, 0] += both * change[:, 1] - 2.0 * coupling * sine * turning
+                result[a:b, 1] += ratio * (both * change[:, 0] + 2.0 * coupling * sine * d1 * speed[:, 0])
     return result
 
 

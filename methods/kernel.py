@@ -426,6 +426,7 @@ BITS = 4503599627370496.0  # 2^52: the last bits of the sum with a whole number 
 SQUARE_ROOT_OF_HALF = 0x3FE6A09E667F3BCD  # its bits
 ROUNDED = 6755399441055744.0  # 1.5 * 2^52: what is left of a number after adding and subtracting it is whole
 CATCHING_UP = 6.0  # rate at which positions follow the prediction's errors, over that of the leak
+LEAST = 0.05  # share of a joint's inertia, or of what is behind its spring or play, that no pose of its arm goes below
 SMALL = 1e-3  # share of the inertia behind a spring or a play from which the weight of the arm hangs on it
 
 
@@ -713,6 +714,31 @@ def _play_column(on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _share_column(on):
+    """Parameter of a spring or a play that says which share of the inertia is behind; undamped frequency and damping
+    ratio follow."""
+    if _flexible(on):
+        return FLEX_LOAD_P if FLEX_LOAD >= 0 and on[FLEX_LOAD] else FLEX_P
+    return _play_column(on) + 1
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _weigh(p, described, on, change):
+    """Parameters p of a joint that has `change` more inertia than as described: behind a spring or a play it is that of
+    the arm, and stiffness and damping stay."""
+    whole = max(described[INERTIA] + change, LEAST * described[INERTIA])
+    if _flexible(on) or _playing(on):
+        first = _share_column(on)
+        behind = described[INERTIA] * described[first]
+        arm = max(behind + change, LEAST * behind)
+        whole = described[INERTIA] - behind + arm
+        slower = math.sqrt(behind / max(arm, 1e-300))
+        p[first] = arm / whole
+        p[first + 1], p[first + 2] = described[first + 1] * slower, described[first + 2] * slower
+    p[INERTIA], p[MOBILITY] = whole, 1.0 / whole
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _present_share(t, p, column):
     """Share of an event that has happened by time t, its instant in a column: within one step, so that it has a
     derivative."""
@@ -897,9 +923,7 @@ def _sides(start, p, on):
     if not (_flexible(on) or _playing(on)):
         return q, dq, q, dq
     arm = _on_arm(0.0, q, 0.0, 0.0, (0.0, 0.0, 0.0), p, on, True, False)
-    first = _play_column(on)
-    if _flexible(on):
-        first = (FLEX_LOAD_P if FLEX_LOAD >= 0 and on[FLEX_LOAD] else FLEX_P) - 1
+    first = _share_column(on) - 1
     stiffness = p[INERTIA] * max(p[first + 1], SMALL) * (2.0 * math.pi * p[first + 2]) ** 2
     twist = arm / max(stiffness, 1e-300)
     if _playing(on):
@@ -1171,6 +1195,8 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     euler = P[0, STEPPING] > 0.0
     substeps = _steps(P, on, t[1] - t[0], substeps)
     P = _resolved(P, (t[1] - t[0]) / substeps)
+    shapes = (x.shape[2] - 3) // 2
+    described = P.copy() if shapes > 0 else P
     if pair:
         on = on.copy()
         for j in range(n):
@@ -1213,10 +1239,12 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             if with_x:
                 xs[j, 0] = x[k, j, 0]; xs[j, 1] = x[k, j, 1]; xs[j, 2] = x[k, j, 2]
             extra[j] = extra_in[k, j] if with_extra else 0.0
-            known[j] = 0.0
-            if with_x:
-                for i in range(3, x.shape[2]):
-                    known[j] += P[j, ARM + i - 3] * x[k, j, i]
+            known[j], change = 0.0, 0.0
+            for i in range(shapes if with_x else 0):
+                known[j] += P[j, ARM + i] * x[k, j, 3 + i]
+                change += P[j, ARM + i] * x[k, j, 3 + shapes + i]
+            if with_x and shapes > 0:
+                _weigh(P[j], described[j], on[j], change)
         h = dt / substeps
         per_step = 1.0 / h
         for i in range(substeps):
@@ -1329,6 +1357,13 @@ def compensated(networks, first, last, t, u, cumulative, hold, y, x, extra, S, z
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _parted_lane(S, l, p, on):
+    """Puts what is behind the spring or the play of one lane into its rows."""
+    first = _share_column(on)
+    S[SHARE_ + l], S[DAMPING_ + l], S[OMEGA_ + l] = p[first], p[first + 2], 2.0 * math.pi * p[first + 1]
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
     """Parameters p (n, columns + 3), first states S, which slots have any effect and whether there is a spring or a
     play; returns how many of these. Spare lanes stay zero. The log of a lane begins at row begins[l] of u (T,)."""
@@ -1343,16 +1378,11 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
         S[ELECTRICAL_ + l] = p[l, ELECTRICAL_RATE]
         S[LATE_ + l] = _lateness(p[l], on[l])
         S[LIMIT_ + l] = p[l, LIMIT] if p[l, LIMIT] > 0.0 else np.inf
-        if _flexible(on[l]):
-            first = FLEX_LOAD_P if FLEX_LOAD >= 0 and on[l, FLEX_LOAD] else FLEX_P
-            S[SHARE_ + l], S[DAMPING_ + l] = p[l, first], p[l, first + 2]
-            S[OMEGA_ + l] = 2.0 * math.pi * p[l, first + 1]
-            springs += 1
-        elif _playing(on[l]):
-            first = _play_column(on[l])
-            S[HALF_ + l], S[SHARE_ + l], S[DAMPING_ + l] = 0.5 * p[l, first], p[l, first + 1], p[l, first + 3]
-            S[OMEGA_ + l] = 2.0 * math.pi * p[l, first + 2]
-            plays += 1
+        if _flexible(on[l]) or _playing(on[l]):
+            _parted_lane(S, l, p[l], on[l])
+            springs, plays = springs + _flexible(on[l]), plays + _playing(on[l])
+            if _playing(on[l]):
+                S[HALF_ + l] = 0.5 * p[l, _play_column(on[l])]
         else:
             S[VISCOUS_ + l] += p[l, ARM_VISCOUS]
         for column in range(P.shape[1]):
@@ -1691,7 +1721,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     with the constants `rigid` (HALF, 3), for HALF candidates of a planar pair, joint 1 of them in the first lanes.
 
     Each runs along one of several logs with the same instants, as far as they go: t (T,), the longest; the log of lane
-    l is rows begins[l] to begins[l] + lengths[l] of u, y (R, joints) and x (R, 3 + A), or (0, 3), which holds for a
+    l is rows begins[l] to begins[l] + lengths[l] of u, y (R, joints) and x (R, 3 + 2 A), or (0, 3), which holds for a
     single log only, and of out[rows[l]], extra_in[rows[l]] (C, R), or (0, 0), and motion[rows[l]] (C, R, 3): angle,
     velocity, motor torque (or empty). hold (joints,); starts (n, 6); P (n, columns); switches (n, effects).
     A candidate's states lie in the same lanes of every row of S, so that one instruction moves them all; what becomes
@@ -1702,7 +1732,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     for l in range(n):  # spare lanes go along with the first one
         origin[l], ends_at[l] = begins[l], lengths[l]
         together = together and begins[l] == begins[0]
-    euler = P[0, STEPPING] > 0.0
+    euler, shapes = P[0, STEPPING] > 0.0, (x.shape[1] - 3) // 2
     on, own = switches, np.zeros((n, 4), dtype=np.bool_)
     since, to = np.zeros(switches.shape[1], dtype=np.int64), np.zeros(switches.shape[1], dtype=np.int64)
     for l in range(n - 1, -1, -1):  # the lanes from the first to the last that have an effect
@@ -1817,11 +1847,15 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                 S[OUTER_ + l] = extra_in[rows[l], origin[l] + min(k, ends_at[l] - 1)]
         if with_x:
             xs = (x[lo + k, 0], x[lo + k, 1], x[lo + k, 2])
-            if x.shape[1] > 3:
-                for l in range(n):
-                    S[KNOWN_ + l] = 0.0
-                    for i in range(3, x.shape[1]):
-                        S[KNOWN_ + l] += p[l, ARM + i - 3] * x[lo + k, i]
+            for l in range(n if shapes > 0 else 0):
+                S[KNOWN_ + l], change = 0.0, 0.0
+                for i in range(shapes):
+                    S[KNOWN_ + l] += p[l, ARM + i] * x[lo + k, 3 + i]
+                    change += p[l, ARM + i] * x[lo + k, 3 + shapes + i]
+                _weigh(p[l], P[l], on[l], change)
+                S[INERTIA_ + l], S[MOBILITY_ + l] = p[l, INERTIA], p[l, MOBILITY]
+                if parted[l]:
+                    _parted_lane(S, l, p[l], on[l])
         h = dt / substeps
         per_step = 1.0 / h
         for i in range(substeps):

@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
 from benchmarks.blind.hidden import Hidden, Parameter, at_heat
 from benchmarks.blind.score import diagnose, outcome
-from benchmarks.blind.trials import Trial, make_trial
+from benchmarks.blind.trials import Trial, Truth, make_trial
 from benchmarks.blind.world import Heat
 from methods.effects import built_in
 
@@ -63,6 +65,17 @@ def test_hidden_effect_is_found(case: Case) -> None:
     diagnosis, _ = diagnose(trial)
     named = [item["name"] for item in diagnosis["effects"]]
     assert outcome(trial.truth, diagnosis) == "right", f"{diagnosis['verdict']}: {named}"
+
+
+@pytest.mark.parametrize(
+    ("name", "outcomes"), [("timestamp_jitter", ["right"] * 3), ("dead_zone", ["right", "wrong", "wrong"])]
+)
+def test_an_error_of_the_clock_is_that_of_every_joint(name: str, outcomes: list[str]) -> None:
+    hidden = SimpleNamespace(joint=1, hidden=SimpleNamespace(name=name, equivalent=()))
+    truth = cast(Truth, SimpleNamespace(effects=(hidden,), structure=(), foreign=False))
+    for joints, expected in zip(((1,), (2,), (1, 2)), outcomes, strict=True):
+        effects = [{"joint": joint, "name": name, "alternatives": []} for joint in joints]
+        assert outcome(truth, {"verdict": "named", "effects": effects}) == expected
 
 
 @pytest.mark.parametrize("law", list(Heat))

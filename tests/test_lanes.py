@@ -79,8 +79,10 @@ def torques(count: int, samples: int) -> np.ndarray:
 
 
 def arm_of(samples: int) -> np.ndarray:
-    """Motion of a neighbour and what an arm does to a joint, (T, 1, 4 + SHAPES)."""
-    return np.random.default_rng(4).normal(size=(samples, 1, 4 + SHAPES))
+    """Motion of a neighbour, what an arm does to a joint and changes of its inertia, (T, 1, 3 + 2 (1 + SHAPES))."""
+    found = np.random.default_rng(4).normal(size=(samples, 1, 5 + 2 * SHAPES))
+    found[..., 4 + SHAPES :] *= 0.01
+    return found
 
 
 def batched(
@@ -405,3 +407,36 @@ def test_beginnings_of_another_width_are_refused() -> None:
     parameters, switches, starts = candidates(2, 5, 0)
     with pytest.raises(ValueError, match="BEGINNING"):
         batched(parameters, switches, starts[..., :3])
+
+
+@pytest.mark.parametrize("name", ["", "joint_flexibility", "joint_flexibility_load_side", "backlash"])
+def test_a_heavier_pose_is_a_heavier_arm_behind_the_same_spring(name: str) -> None:
+    """A change of inertia that stays is one of the parameters: stiffness and damping are what they were."""
+    more, column = 0.03, {other: i for i, other in enumerate(NOMINAL)}
+    parameters, switches, starts = candidates(2, 5, 0)
+    parameters[:, :, 0, [column["gravity_sine"], column["gravity_cosine"]]] = 0.0
+    parameters[:, :, :, column["inertia"]], parameters[:, :, :, column["arm"]] = 0.05, 1.0
+    parameters[1], starts[:] = parameters[0], 0.0
+    if name:
+        effect = next(effect for effect in KERNEL.effects if effect.name == name)
+        switches[:, 0, KERNEL.effects.index(effect)] = True
+        parameters[:, :, 0, KERNEL.own(effect)] = next(iter(effect.starts(SIZES)))
+        share, hertz, damping = (KERNEL.column(effect, key) for key in ("inertia_ratio", "frequency", "damping_ratio"))
+        parameters[:, :, 0, share], parameters[:, :, 0, hertz], parameters[:, :, 0, damping] = 0.4, 12.0, 0.1
+        behind, slower = 0.4 * 0.05, np.sqrt(0.4 * 0.05 / (0.4 * 0.05 + more))
+        parameters[1, :, 0, share] = (behind + more) / (0.05 + more)
+        parameters[1, :, 0, hertz] *= slower
+        parameters[1, :, 0, damping] *= slower
+    parameters[1, :, 0, column["inertia"]] += more
+    time, command, cumulative, reading, near, bounds = stacked(0)
+    motion = np.concatenate([near, np.zeros((*near.shape[:2], 2))], axis=2)
+    found = []
+    for c, change in enumerate((more, 0.0)):
+        motion[..., 4], out = change, np.empty((1, len(time), 1))
+        KERNEL.batch(
+            *(time, command, cumulative, np.zeros(1, dtype=np.int64), reading, motion, np.zeros((0, 0, 1)), bounds),
+            *(starts[[c]], parameters[[c]], switches[[c]], False, np.zeros((1, 3)), 0.0, 0.0, 1, out),
+        )
+        found.append(out[0, :, 0])
+    assert np.std(found[0]) > 0.1
+    assert found[0] == pytest.approx(found[1], abs=1e-9)

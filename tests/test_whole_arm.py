@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from diagnosis.arm_torques import ArmTorques, arm_torques
+from diagnosis.arm_torques import arm_torques
 from diagnosis.preparation import arrange, moving_joints, pose
 from diagnosis.run import diagnose
 from diagnosis.smoothing import window
@@ -97,10 +97,19 @@ def test_a_wrong_description_is_put_right(joint: int, logs: list[Log], wrong: st
     found = arm_torques(described_arm, logs[:2], joint, at)
     assert found is not None
     theta = [inertial_parameters(described_body(item))[:, None] for item in (right, described_arm)]
-    truth, given = (ArmTorques(found.body, joint, at, item, 1.0, found.seconds).columns(logs[2]) for item in theta)
-    error = rms(found.columns(logs[2])[:, :1] - truth)
-    assert error < 0.2 * rms(given - truth)
-    assert error < 0.02 * rms(truth)
+    own = found.regressor(logs[2])
+    truth, given, learned = (own @ x[:, 0] for x in (*theta, found.components))
+    assert rms(learned - truth) < 0.2 * rms(given - truth)
+    assert rms(learned - truth) < 0.02 * rms(truth)
+    known, doubts = found.of(logs[2])
+    assert np.all(rms(doubts) < 0.1 * rms(truth))
+    acceleration = found.regressors(logs[2])[2]
+    torque, inertia = known[:, 0], known[:, known.shape[1] // 2]
+    whole = found.unit * learned
+    acceleration, whole = (0.5 * (x[1:] + x[:-1]) for x in (acceleration, whole))
+    assert rms(torque[:-1] + inertia[:-1] * acceleration - whole) < 0.02 * rms(whole)
+    if joint == 3:  # nothing hangs on the last one
+        assert rms(inertia) < 1e-9
 
 
 def test_friction_of_one_joint_is_found_while_all_move(logs: list[Log], wrong: str) -> None:

@@ -155,7 +155,8 @@ def _find(
         return whole
     narrow, found = banded
     band = 0.4 / (narrow.decimation * narrow.sample_time)
-    if problem.arm is not None and not whole.accepted and found.verdict == "none":
+    is_slight = all(item.material < settings.relevant for item in whole.accepted)
+    if problem.arm is not None and is_slight and found.verdict == "none":
         return replace(found, band=band)
     is_cut = whole.is_cut or (search.is_spent and bool(found.accepted))
     if whole.accepted and does_better(narrow, held_out, whole, found, settings.threshold):

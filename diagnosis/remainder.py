@@ -228,7 +228,10 @@ def lucky(left: Sequence[Remainder]) -> float:
 def shows_blows(problem: Problem, fitted: Fitted, joint: int) -> bool:
     """Whether the innovations tell of torques far above the band of the motion: they are no rounding of the encoder nor
     the scatter of instants that jitter, whose spectrum is known the worse the more it changes with the velocity, and
-    the model has no blows of its own."""
+    the model has no blows of its own. Torques of the rest of an arm that hold in the band of the motion alone say
+    nothing of what is beyond."""
+    if problem.arm is not None and problem.decimation * problem.thinning > 1:
+        return False
     is_rounding = fitted.variances[joint] < ROUNDED * problem.encoder_step**2
     if is_rounding or scatters(problem, fitted.point, joint):
         return False

@@ -42,6 +42,8 @@ JITTERS = 100.0
 """Decrease of -2 log likelihood from which the innovations scatter as instants that jitter make them."""
 ROUNDED = 2.0
 """Mean square of the innovations, in squares of an encoder step, up to which they may be its rounding."""
+ROUNDING = 0.25
+"""The same up to which they are little else: white rounding makes a twelfth."""
 DRAWS = 10
 """Realisations of the noise that such a joint is simulated with."""
 SMALL = 0.0015
@@ -90,7 +92,8 @@ class Remainder:
     where readings tell (`shows_blows`), 0 elsewhere. drifts: parameters in the order of their p-values. scattered:
     the decrease that the groups bring where such a torque is all that the model lacks, if it is one in which small
     causes grow; deviations: rms of what it then makes of the free parameters, by their names. wave: one of the readings
-    over the position (`diagnosis.encoder_waves`).
+    over the position (`diagnosis.encoder_waves`). rounded: whether the innovations are little else than the encoder's
+    rounding, which is not independent of a slow motion, nor of rest.
     """
 
     dependences: tuple[Dependence, ...]
@@ -105,6 +108,7 @@ class Remainder:
     scattered: float = 0.0
     deviations: Mapping[str, float] = field(default_factory=dict)
     wave: Wave | None = None
+    rounded: bool = False
 
     @property
     def growth(self) -> float:
@@ -212,6 +216,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         scattered(fitted, every, scatter),
         deviations(fitted, scatter),
         encoder_wave(problem, fitted, joint),
+        rounded=bool(fitted.variances[joint] < ROUNDING * problem.encoder_step**2),
     )
 
 

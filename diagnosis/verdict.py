@@ -19,8 +19,9 @@ def allowance(nominal: Fitted, base: Fitted) -> float:
 def unexplained(problem: Problem, explained: float, left: Sequence[Remainder], settings: Settings) -> bool:
     """Whether something is left that neither noise nor inexact laws account for.
 
-    Torques of the rest of an arm are as inexact as the measured motion of its joints: beside them a small remainder
-    counts by its torque only.
+    Where little but rounding is left a slow change of a parameter counts as other small remainders do: rounding is not
+    independent of slow motion. Torques of the rest of an arm are as inexact as the measured motion of its joints:
+    beside them a small remainder counts by its torque only.
     """
     exact = problem.arm is None
     excess = sum(r.excess for r in left)
@@ -32,9 +33,12 @@ def unexplained(problem: Problem, explained: float, left: Sequence[Remainder], s
         torques = ((r.disturbance_share, r.disturbance), (r.beyond_share, r.beyond))
         if any(share > settings.disturbance and size > settings.amplifier * limit for share, size in torques):
             return True
-    drifts = [drift for r in left for drift in r.drifts if drift.is_certain]
-    shifts = [drift for drift in drifts if exact and drift.decrease > settings.minor * explained]
-    return bool(shifts) or any(drift.share > settings.relevant for drift in drifts)
+    for r in left:
+        least = (settings.inexact if r.rounded else settings.minor) * explained
+        for drift in r.drifts:
+            if drift.is_certain and (drift.share > settings.relevant or (exact and drift.decrease > least)):
+                return True
+    return False
 
 
 def verdict(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from diagnosis.problem import bandwidth, smooth_derivatives, start_window
 from envs.log import Array
@@ -14,10 +14,10 @@ SMOOTHED = 0.1
 """Longest local cubics that give velocities and accelerations, in periods of the fastest motion."""
 NOISE = 0.01
 """Noise of the accelerations, as a share of their rms, that is aimed at."""
+CERTAIN = 10.0
+"""Times that noise is subtracted from a spectrum: what is left of an acceleration's is motion."""
 RESOLUTION = 0.5
-"""Least width [Hz] over which power spectra are averaged."""
-SHARE = 0.25
-"""The same as a share of the frequency."""
+"""Width [Hz] over which power spectra are averaged."""
 NOISY = 0.25
 """Frequency as a share of the sampling rate above which readings are taken to be noise."""
 
@@ -47,8 +47,8 @@ def window(readings: Sequence[tuple[Array, Array]]) -> float:
 def motion_of(time: Array, reading: Array, seconds: float) -> tuple[Array, Array, Array]:
     """Angle, velocity and acceleration (T, n) from readings (T, n) by a Wiener filter.
 
-    Of a spectrum S(f) the share ``max(0, 1 - N / S(f))`` counts as motion: N is the noise's, the median of the upper
-    half of frequencies. Where the motion is far above the noise all of it passes, however fast it
+    Of a spectrum S(f) the share ``max(0, 1 - c N / S(f))`` counts as motion: N is the noise's, the median of the upper
+    half of frequencies, and c = `CERTAIN`. Where the motion is far above the noise all of it passes, however fast it
     is; local polynomials that are long enough for the same noise take a part of it away. They still give the first and
     last `seconds`, which no spectrum knows the neighbourhood of.
     """
@@ -60,21 +60,13 @@ def motion_of(time: Array, reading: Array, seconds: float) -> tuple[Array, Array
     around = np.concatenate([2.0 * reading[:1] - reading[:0:-1], reading, 2.0 * reading[-1:] - reading[-2::-1]])
     line = np.linspace(around[0], around[-1], len(around))
     spectrum, frequency = np.fft.rfft(around - line, axis=0), np.fft.rfftfreq(len(around), h)
-    half = 0.5 * len(around) * h * np.maximum(RESOLUTION, SHARE * frequency)
-    power = averaged(np.abs(spectrum) ** 2, np.maximum(2, np.round(half).astype(int)))
+    width = max(5, round(RESOLUTION * len(around) * h))
+    power = uniform_filter1d(np.abs(spectrum) ** 2, width, axis=0, mode="nearest")
     noise = np.median(power[frequency > NOISY / h], axis=0)
-    spectrum *= np.clip(1.0 - noise / np.maximum(power, 1e-300), 0.0, 1.0)
+    spectrum *= np.clip(1.0 - CERTAIN * noise / np.maximum(power, 1e-300), 0.0, 1.0)
     inner = slice(count - 1 + edge, 2 * count - 1 - edge)
     turn = 2j * np.pi * frequency[:, None]
     slope = (line[-1] - line[0]) / (h * (len(line) - 1))
     for order, (own, straight) in enumerate(zip(local, (line[inner], slope, 0.0), strict=True)):
         own[edge : count - edge] = np.fft.irfft(spectrum * turn**order, len(around), axis=0)[inner] + straight
     return local
-
-
-def averaged(power: Array, half: NDArray[np.int64]) -> Array:
-    """Means of the rows of a spectrum (F, n) from so many before each of them to as many after it (F,)."""
-    total = np.concatenate([np.zeros((1, power.shape[1])), np.cumsum(power, axis=0)])
-    place = np.arange(len(power))
-    low, high = np.maximum(place - half, 0), np.minimum(place + half + 1, len(power))
-    return np.asarray((total[high] - total[low]) / (high - low)[:, None])

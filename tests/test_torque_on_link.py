@@ -22,9 +22,11 @@ SPRING = next(effect for effect in built_in() if effect.name == "joint_flexibili
 class Known:
     """A torque on the link that is known from the motion of other joints."""
 
-    def columns(self, log: Log) -> Array:
-        """(T, 1)."""
-        return pull(log.time)[:, None]
+    def of(self, log: Log) -> tuple[Array, Array]:
+        """(T, 2), the inertia as it is, and no doubts (T, 0); on average from one sample to the next."""
+        torque = pull(log.time)
+        torque[:-1] = 0.5 * (torque[1:] + torque[:-1])
+        return np.column_stack([torque, np.zeros_like(torque)]), np.zeros((len(torque), 0))
 
 
 def pull(time: Array) -> Array:

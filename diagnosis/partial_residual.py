@@ -77,10 +77,10 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
     def share(fitted: Fitted, name: str) -> Array:
         return errors(problem, [without_effect(problem, fitted.point, name, joint)])[0] - fitted.error
 
-    def transformed(error: Array, seconds: float, simulated: bool = True) -> Array:
+    def transformed(error: Array, seconds: float, *, simulated: bool = True) -> Array:
         if kind == "reading":
             return missing_reading(problem, error, joint)
-        torque = input_equivalent(problem, final.point, error, seconds, arm=simulated)[:, joint]
+        torque = input_equivalent(problem, final.point, error, seconds, coupled=simulated)[:, joint]
         return -torque if kind == "resistance" else torque
 
     own = share(final, item.name)

@@ -345,15 +345,14 @@ def coarser(problem: Problem, decimation: int) -> Problem:
     every = np.concatenate(rows)
     steps = [np.minimum(own[:, None] + np.arange(several), own[-1]) for own in rows]
     levels = [np.diff(problem.cumulative[own], axis=0) / several for own in rows]
+    mean = lambda signal: signal[np.concatenate(steps)].mean(axis=1) if len(signal) else signal  # noqa: E731
     return replace(
         problem,
         time=problem.time[every],
         command=np.concatenate([np.vstack([own, own[-1:]]) for own in levels]),
         reading=problem.reading[every],
-        neighbour=problem.neighbour[np.concatenate(steps)].mean(axis=1)
-        if len(problem.neighbour)
-        else problem.neighbour,
-        doubts=problem.doubts[every] if len(problem.doubts) else problem.doubts,
+        neighbour=mean(problem.neighbour),
+        doubts=mean(problem.doubts),
         bounds=np.cumsum([0, *map(len, rows)]),
         hold=np.zeros_like(problem.hold),
         substeps=1,
@@ -438,8 +437,8 @@ def stack(
 ) -> Problem:
     """Lay out logs for a fit of the named joints; other joints of the logs serve as neighbours for coupling effects.
 
-    arm: known torques of the rest of the arm on a single joint. dither: that of other logs
-    (n,), where these are compared with them: a sensor has the same noise in all.
+    arm: known torques of the rest of the arm on a single joint. dither: that of other logs (n,), where these are
+    compared with them: a sensor has the same noise in all.
     """
     parts = [part for log in logs for part in segments(log, LIMIT // len(logs))]
     times, commands, readings, others, starts, doubts = [], [], [], [], [], []

@@ -148,15 +148,15 @@ def corrected(problem: Problem, point: Point, state: tuple[Array, Array], shift:
 
 
 def input_equivalent(
-    problem: Problem, point: Point, error: Array, seconds: float = SMOOTHING, *, arm: bool = False
+    problem: Problem, point: Point, error: Array, seconds: float = SMOOTHING, *, coupled: bool = False
 ) -> Array:
     """Prediction errors (T, n) as the command that has to be added to explain them, smoothed over `seconds`.
 
     With leak L, inertia J, viscous damping b, back-EMF k and the winding's lag T, the model's velocity errs by
     ``s = e' + L e`` and lacks ``J s' + b s + k s / (T p + 1)``. J changes with an arm's pose, and that of the first
-    joint of a planar pair is M11. Each joint's error is taken for its own, unless `arm` asks for the whole mass matrix
-    of a pair and the velocities' torques, as the difference of two simulations does; in readings that would show one
-    encoder's noise at the other joint.
+    joint of a planar pair is M11. Each joint's error is taken for its own, unless `coupled` asks for the whole mass
+    matrix of a pair and the velocities' torques, as the difference of two simulations does; in readings that would show
+    one encoder's noise at the other joint.
     """
     result = np.zeros_like(error)
     dt = problem.sample_time
@@ -178,7 +178,7 @@ def input_equivalent(
             coupling, ratio, shared = point.rigid
             cosine, sine = np.cos(problem.reading[a:b, 1]), np.sin(problem.reading[a:b, 1])
             result[a:b, 0] += (shared + 2.0 * coupling * cosine) * change[:, 0]
-            if arm:
+            if coupled:
                 d1, d2 = smooth_derivatives(problem.time[a:b], problem.reading[a:b], max(seconds, 8 * dt))[1].T
                 both = shared + coupling * cosine
                 turning = d2 * speed[:, 0] + (d1 + d2) * speed[:, 1]

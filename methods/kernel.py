@@ -723,9 +723,14 @@ def _share_column(on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _weigh(p, described, on, change):
-    """Parameters p of a joint that has `change` more inertia than as described: behind a spring or a play it is that of
-    the arm, and stiffness and damping stay."""
+def _posed(p, described, on, row, shapes):
+    """Torque that the rest of the arm puts on a joint, by a row of its neighbour's motion, known torques and changes of
+    the joint's inertia. That changes parameters p from those described: behind a spring or a play it is the arm that
+    gets heavier, and stiffness and damping stay."""
+    torque, change = 0.0, 0.0
+    for i in range(shapes):
+        torque += p[ARM + i] * row[3 + i]
+        change += p[ARM + i] * row[3 + shapes + i]
     whole = max(described[INERTIA] + change, LEAST * described[INERTIA])
     if _flexible(on) or _playing(on):
         first = _share_column(on)
@@ -736,6 +741,7 @@ def _weigh(p, described, on, change):
         p[first] = arm / whole
         p[first + 1], p[first + 2] = described[first + 1] * slower, described[first + 2] * slower
     p[INERTIA], p[MOBILITY] = whole, 1.0 / whole
+    return torque
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -830,22 +836,22 @@ def _planar(q1, d1, q2, d2, rhs1, rhs2, stuck1, stuck2, p1, own, p2, first, seco
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _twisted(q, dq, ql, dql, p, on):
     """Share of the inertia behind a spring or a play, and the torque between the sides over that inertia."""
+    column = _share_column(on)
+    omega = 2.0 * math.pi * p[column + 1]
     if _flexible(on):
-        first = FLEX_LOAD_P if FLEX_LOAD >= 0 and on[FLEX_LOAD] else FLEX_P
-        omega = 2.0 * math.pi * p[first + 1]
-        return p[first], omega * (omega * (q - ql) + 2.0 * p[first + 2] * (dq - dql))
+        return p[column], omega * (omega * (q - ql) + 2.0 * p[column + 2] * (dq - dql))
     first = _play_column(on)
     d = q - ql
     half = 0.5 * p[first]
     al = 0.0
     if abs(d) > half:
-        omega, deep = 2.0 * math.pi * p[first + 2], d - math.copysign(half, d)
-        al = omega * (omega * deep + 2.0 * p[first + 3] * (dq - dql))
+        deep = d - math.copysign(half, d)
+        al = omega * (omega * deep + 2.0 * p[column + 2] * (dq - dql))
         if PLAY_POWER >= 0 and on[PLAY_POWER]:
             al *= (abs(deep) / max(half, 1e-300)) ** (p[first + 4] - 1.0)
         if al * d < 0.0:
             al = 0.0
-    return p[first + 1], al
+    return p[column], al
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1239,12 +1245,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             if with_x:
                 xs[j, 0] = x[k, j, 0]; xs[j, 1] = x[k, j, 1]; xs[j, 2] = x[k, j, 2]
             extra[j] = extra_in[k, j] if with_extra else 0.0
-            known[j], change = 0.0, 0.0
-            for i in range(shapes if with_x else 0):
-                known[j] += P[j, ARM + i] * x[k, j, 3 + i]
-                change += P[j, ARM + i] * x[k, j, 3 + shapes + i]
-            if with_x and shapes > 0:
-                _weigh(P[j], described[j], on[j], change)
+            known[j] = _posed(P[j], described[j], on[j], x[k, j], shapes) if with_x and shapes > 0 else 0.0
         h = dt / substeps
         per_step = 1.0 / h
         for i in range(substeps):
@@ -1848,11 +1849,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
         if with_x:
             xs = (x[lo + k, 0], x[lo + k, 1], x[lo + k, 2])
             for l in range(n if shapes > 0 else 0):
-                S[KNOWN_ + l], change = 0.0, 0.0
-                for i in range(shapes):
-                    S[KNOWN_ + l] += p[l, ARM + i] * x[lo + k, 3 + i]
-                    change += p[l, ARM + i] * x[lo + k, 3 + shapes + i]
-                _weigh(p[l], P[l], on[l], change)
+                S[KNOWN_ + l] = _posed(p[l], P[l], on[l], x[lo + k], shapes)
                 S[INERTIA_ + l], S[MOBILITY_ + l] = p[l, INERTIA], p[l, MOBILITY]
                 if parted[l]:
                     _parted_lane(S, l, p[l], on[l])

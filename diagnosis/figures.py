@@ -32,6 +32,7 @@ MEASURED, BEFORE, AFTER, LAW, NOISE = "#000000", "#D55E00", "#0072B2", "#000000"
 RIVALS = ("#CC79A7", "#009E73", "#E69F00")
 LOGS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00")
 NARROW, WIDE = 3.5, 7.2  # in
+CHARACTER = 0.06  # in, of the waterfall's labels on average
 LEFT, BOTTOM = 0.62, 0.4  # margins that hold labels [in]
 LABEL = 0.16  # where the label of a vertical axis ends in a stack [in]
 LEGEND = 0.19  # height of one line of a legend [in]
@@ -186,7 +187,8 @@ def waterfall(rows: Sequence[LedgerRow], gap: Gap, name: str) -> str:
     shown = bars(rows)
     factor, unit = scale_for([max([bar.error for bar in shown], default=0.0), gap.noise_floor], gap.unit)
     floor = gap.noise_floor * factor
-    figure, axes = panel(WIDE, 0.62 + 0.27 * len(shown), left=1.75)
+    left = max(1.75, 0.3 + CHARACTER * max((len(bar.text) for bar in shown), default=0))
+    figure, axes = panel(WIDE, 0.62 + 0.27 * len(shown), left=left)
     positive = [bar.error * factor for bar in shown if bar.error > 0] + ([floor] if floor > 0 else [])
     logarithmic = max(positive) > DECADES * min(positive)
     origin = 0.55 * min(positive) if logarithmic else 0.0

@@ -202,9 +202,9 @@ def is_unearned(before: float, after: float, floor: float) -> bool:
 
 
 def rows(
-    held_out: Problem, found: list[Step], j: int, joint: int, floor: float, rng: np.random.Generator
+    held_out: Problem, found: list[Step], j: int, joints: Sequence[int], floor: float, rng: np.random.Generator
 ) -> list[LedgerRow]:
-    """The ledger of joint index j, numbered `joint` on the robot."""
+    """The ledger of joint index j; joints: the numbers of all of them on the robot."""
     width = window_width(WINDOW, held_out.sample_time)
     blocks = np.array([in_blocks(step.replay.windows[:, j], held_out.bounds, width) for step in found])
     base = next(i for i, step in enumerate(found) if step.role == "nominal")
@@ -215,8 +215,8 @@ def rows(
         parts, whole, note = simulated(step.replay.windows[:, j], step.replay.whole[:, j])
         table.append(
             LedgerRow(
-                joint=joint,
-                step=step.title if step.joint in (None, j) else f"{step.title} at the other joint",
+                joint=joints[j],
+                step=step.title if step.joint in (None, j) else f"{step.title} at joint {joints[step.joint]}",
                 role=step.role,  # type: ignore[arg-type]
                 inverse_error=rms(inverse),
                 window_error=parts,

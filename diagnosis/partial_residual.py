@@ -3,8 +3,10 @@
 The prediction errors of the whole model and of the model whose effect is switched off (all other parameters as finally
 estimated) are turned into the commands d and d_off that explain them (`diagnosis.replay.input_equivalent`). Then
 ``law = d_off - d`` is the effect's share, and ``d_off = law + d`` is what it has to explain. For an error of the sensor
-the same holds for the reading: the integral of the velocity error ``e' + L e`` of a simulation with leak L. In an arm
-an effect moves both joints, and its share takes the errors of both; what is left takes the joint's own.
+the same holds for the reading: the integral of the velocity error ``e' + L e`` of a simulation with leak L. In a
+planar pair an effect moves both joints, and its share takes the errors of both; what is left takes the joint's own.
+Without a torque a pair of little damping soon moves so differently that its mass matrix and weights are others: there
+the law is that of an observer that corrects the velocities, too.
 
 Source: R. D. Cook, Exploring partial residual plots, Technometrics 35 (1993).
 """
@@ -74,19 +76,26 @@ def _of_effect(problem: Problem, final: Fitted, item: Accepted, units: JointUnit
     kind = _kind(effect)
     rivals = [s for s in item.rivals if s.start.hypothesis.joint == joint][:SHOWN_RIVALS]
 
-    def share(fitted: Fitted, name: str) -> Array:
-        return errors(problem, [without_effect(problem, fitted.point, name, joint)])[0] - fitted.error
+    is_observed = problem.pair and kind != "reading"
+    watched = replace(problem, rate_leak=problem.leak**2) if is_observed else problem
 
-    def transformed(error: Array, seconds: float, *, simulated: bool = True) -> Array:
+    def share(fitted: Fitted, name: str) -> Array:
+        off = without_effect(problem, fitted.point, name, joint)
+        if not is_observed:
+            return errors(problem, [off])[0] - fitted.error
+        without, whole = errors(watched, [off, fitted.point])
+        return without - whole
+
+    def transformed(error: Array, seconds: float, seen: Problem = watched) -> Array:
         if kind == "reading":
             return missing_reading(problem, error, joint)
-        torque = input_equivalent(problem, final.point, error, seconds, coupled=simulated)[:, joint]
+        torque = input_equivalent(seen, final.point, error, seconds, coupled=seen is watched)[:, joint]
         return -torque if kind == "resistance" else torque
 
     own = share(final, item.name)
     seconds = WINDOWS[-1]
     for seconds in WINDOWS:
-        law, after = transformed(own, seconds), transformed(final.error, seconds, simulated=False)
+        law, after = transformed(own, seconds), transformed(final.error, seconds, problem)
         if np.std(after[problem.used]) < 0.3 * np.std(law[problem.used]):
             break
     laws = [(item.label, law), *((s.label, transformed(share(s.fitted, s.name), seconds)) for s in rivals)]

@@ -152,17 +152,17 @@ def input_equivalent(
 ) -> Array:
     """Prediction errors (T, n) as the command that has to be added to explain them, smoothed over `seconds`.
 
-    With leak L, inertia J, viscous damping b, back-EMF k and the winding's lag T, the model's velocity errs by
-    ``s = e' + L e`` and lacks ``J s' + b s + k s / (T p + 1)``. J changes with an arm's pose, and that of the first
-    joint of a planar pair is M11. Each joint's error is taken for its own, unless `coupled` asks for the whole mass
-    matrix of a pair and the velocities' torques, as the difference of two simulations does; in readings that would show
-    one encoder's noise at the other joint.
+    With leaks L of the angle and K of the velocity, inertia J, viscous damping b, back-EMF k and the winding's lag T,
+    the model's velocity errs by ``s = e' + L e`` and lacks ``J (s' + K e) + b s + k s / (T p + 1)``. J changes with an
+    arm's pose, and that of the first joint of a planar pair is M11. Each joint's error is taken for its own, unless
+    `coupled` asks for the whole mass matrix of a pair and the velocities' torques, as the difference of two simulations
+    does; in readings that would show one encoder's noise at the other joint.
     """
     result = np.zeros_like(error)
     dt = problem.sample_time
     for log, (a, b) in enumerate(pairwise(problem.bounds)):
         e, rate, bend = smooth_derivatives(problem.time[a:b], error[a:b], max(seconds, 8 * dt))
-        speed, change = rate + problem.leak * e, bend + problem.leak * rate
+        speed, change = rate + problem.leak * e, bend + problem.leak * rate + problem.rate_leak * e
         for j, p in enumerate(point.parameters[log]):
             inertia, viscous, arm_viscous, back_emf, lag = (
                 p[NOMINAL.index(name)]

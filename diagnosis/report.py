@@ -31,7 +31,7 @@ from diagnosis.result import (
     SignalDependence,
 )
 from diagnosis.settings import TYPICAL
-from diagnosis.text import enumerated, joint_sentence
+from diagnosis.text import enumerated, is_helped, joint_sentence
 
 SIGNIFICANT = 1e-3
 """p-value below which the remainder counts as dependent on a signal."""
@@ -66,6 +66,10 @@ class EffectPage:
     beaten: bool
 
 
+HELPED = "Nothing of its own is missing; it errs by what the other joint of the pair lacks."
+"""The same of a joint that lacks nothing of its own."""
+
+
 @dataclass(frozen=True, eq=False)
 class Excitation:
     """What one log did to the joint: ranges in SI, number of reversals of the direction."""
@@ -81,11 +85,13 @@ class Excitation:
 
 @dataclass(frozen=True, eq=False)
 class JointPage:
-    """One joint with everything that the template shows of it."""
+    """One joint with everything that the template shows of it; is_extended: whether named effects change its model."""
 
     result: JointResult
     gap: Gap | None
     sentence: str
+    meaning: str
+    is_extended: bool
     ledger: tuple[LedgerRow, ...]
     effects: tuple[EffectPage, ...]
     excitation: tuple[Excitation, ...]
@@ -153,6 +159,8 @@ def joint_page(diagnosis: Diagnosis, joint: JointResult) -> JointPage:
         result=joint,
         gap=gap,
         sentence=joint_sentence(joint, gap),
+        meaning=HELPED if is_helped(joint, gap) else MEANING[joint.verdict],
+        is_extended=bool(joint.effects) or is_helped(joint, gap),
         ledger=ledger,
         effects=tuple(effect_page(joint, effect, threshold, f"{slug}e{i}") for i, effect in enumerate(joint.effects)),
         excitation=tuple(excitation(series) for series in joint.series),

@@ -577,7 +577,7 @@ def joint_result(
     finding, joint, units = solved.finding, solved.joints[j], solved.units[j]
     spread = finding.covariance
     floor = floor_of(solved.problem, solved.held_out, finding, j)
-    ledger = rows(solved.held_out, list(solved.ledger), j, joint, floor, rng)
+    ledger = rows(solved.held_out, list(solved.ledger), j, solved.joints, floor, rng)
     own_gap = gap(solved.held_out, list(solved.ledger), j, joint, units.position, floor, on, rng)
     given = next((step.point for step in solved.ledger if step.role == "as given"), None)
     numbers = {} if given is None else dict(zip(NOMINAL[:7], given.parameters[0, j, :7].tolist(), strict=True))

@@ -75,10 +75,18 @@ def enumerated(items: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
 
 
+def is_helped(joint: JointResult, gap: Gap | None) -> bool:
+    """Whether a joint of a planar pair that lacks nothing of its own follows closer with what the other one lacks."""
+    lacks_nothing = joint.beside is not None and joint.verdict == "none"
+    return lacks_nothing and gap is not None and gap.closed is not None and gap.after < gap.before
+
+
 def _finding(joint: JointResult, gap: Gap | None) -> str:
     named = enumerated([describe(effect, joint.command_unit) for effect in joint.effects])
     plural = len(joint.effects) > 1
     adding = f"adding {'them' if plural else 'it'} {gain(gap)}" if gap else ""
+    if gap is not None and is_helped(joint, gap):
+        return f"nothing of its own is missing; adding what is named at joint {joint.beside} {gain(gap)}"
     if joint.verdict == "none":
         tail = f"; its {error_name(gap)} is {quantity(gap.before, gap.unit)}" if gap else ""
         return f"the refitted nominal model is good to the noise floor{tail}"

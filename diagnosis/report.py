@@ -31,7 +31,7 @@ from diagnosis.result import (
     SignalDependence,
 )
 from diagnosis.settings import TYPICAL
-from diagnosis.text import enumerated, is_helped, joint_sentence
+from diagnosis.text import enumerated, is_helped, is_uncertain, joint_sentence
 
 SIGNIFICANT = 1e-3
 """p-value below which the remainder counts as dependent on a signal."""
@@ -68,6 +68,11 @@ class EffectPage:
 
 HELPED = "Nothing of its own is missing; it errs by what the other joint of the pair lacks."
 """The same of a joint that lacks nothing of its own."""
+UNCERTAIN = (
+    "No known effect would improve the model. It errs by more than the noise floor, but by no more than noise together "
+    "with dry friction and what the logs or the description of the arm leave open."
+)
+"""The same of a joint that lacks nothing known, and is not good to the noise floor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +164,7 @@ def joint_page(diagnosis: Diagnosis, joint: JointResult) -> JointPage:
         result=joint,
         gap=gap,
         sentence=joint_sentence(joint, gap),
-        meaning=HELPED if is_helped(joint, gap) else MEANING[joint.verdict],
+        meaning=meaning(joint, gap),
         is_extended=bool(joint.effects) or is_helped(joint, gap),
         ledger=ledger,
         effects=tuple(effect_page(joint, effect, threshold, f"{slug}e{i}") for i, effect in enumerate(joint.effects)),
@@ -172,6 +177,13 @@ def joint_page(diagnosis: Diagnosis, joint: JointResult) -> JointPage:
         dependences=tuple(d for d in joint.remainder if d.p_value < SIGNIFICANT),
         adrift=is_adrift(ledger),
     )
+
+
+def meaning(joint: JointResult, gap: Gap | None) -> str:
+    """What the verdict of a joint says."""
+    if is_helped(joint, gap):
+        return HELPED
+    return UNCERTAIN if is_uncertain(joint, gap) else MEANING[joint.verdict]
 
 
 def joint_figures(

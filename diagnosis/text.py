@@ -20,6 +20,8 @@ HEADLINE = {
 """How strong an effect is, in its parameters; others are as strong as their first one says."""
 WITHOUT_VOLTAGE = {"thermal_drift": "to 1/(1 + {resistance_rise}) of the cold torque"}
 """The same on drives whose current does not depend on the resistance: what falls there is the torque of the command."""
+ABOVE = 2.0
+"""Error, as a multiple of the noise floor, from which a model is not called good to it."""
 ARM = re.compile(r"arm(_shape_\d+)?")
 """Nominal parameters that correct what the rest of a described arm does to a joint."""
 
@@ -81,12 +83,22 @@ def is_helped(joint: JointResult, gap: Gap | None) -> bool:
     return lacks_nothing and gap is not None and gap.closed is not None and gap.after < gap.before
 
 
+def is_uncertain(joint: JointResult, gap: Gap | None) -> bool:
+    """Whether a model that lacks no known effect errs on other logs by clearly more than the noise floor: by what dry
+    friction, short logs or the description of an arm leave open."""
+    return joint.verdict == "none" and gap is not None and gap.before > ABOVE * gap.noise_floor
+
+
 def _finding(joint: JointResult, gap: Gap | None) -> str:
     named = enumerated([describe(effect, joint.command_unit) for effect in joint.effects])
     plural = len(joint.effects) > 1
     adding = f"adding {'them' if plural else 'it'} {gain(gap)}" if gap else ""
     if gap is not None and is_helped(joint, gap):
         return f"nothing of its own is missing; adding what is named at joint {joint.beside} {gain(gap)}"
+    if gap is not None and is_uncertain(joint, gap):
+        factor, unit = scale_for([gap.before], gap.unit)
+        before, floor = (number(factor * value) for value in (gap.before, gap.noise_floor))
+        return f"no known effect is missing; the {error_name(gap)} is {before} {unit}, noise floor {floor} {unit}"
     if joint.verdict == "none":
         tail = f"; its {error_name(gap)} is {quantity(gap.before, gap.unit)}" if gap else ""
         return f"the refitted nominal model is good to the noise floor{tail}"

@@ -22,7 +22,7 @@ from diagnosis.output import to_json
 from diagnosis.patchwork import Patchwork
 from diagnosis.problem import DIVERGED
 from diagnosis.quantities import measured, number, percent, plain, quantity, unbroken
-from diagnosis.report import HELPED, MEANING, adequacy, render
+from diagnosis.report import HELPED, MEANING, UNCERTAIN, adequacy, render
 from diagnosis.result import (
     Alternative,
     Diagnosis,
@@ -151,7 +151,8 @@ def joint_result(joint: int, verdict: str, log: str) -> JointResult:
 def example(verdict: str, joints: int = 1, log: str = "train") -> Diagnosis:
     """A diagnosis as `diagnosis.run` gives it, with invented numbers."""
     results = tuple(joint_result(joint, verdict, log) for joint in range(1, joints + 1))
-    gaps = tuple(Gap(r.joint, "rad", 0.04123, 0.00312, 0.00101, 0.9475, (0.93, 0.96), "held-out") for r in results)
+    floor = 0.03 if verdict == "none" else 0.00101  # a model that lacks nothing errs by little more than noise
+    gaps = tuple(Gap(r.joint, "rad", 0.04123, 0.00312, floor, 0.9475, (0.93, 0.96), "held-out") for r in results)
     ledger = tuple(
         LedgerRow(r.joint, step, role, 0.05, error, 2 * error, (0.9 * error, 1.1 * error), share, 1.3)
         for r in results
@@ -223,8 +224,19 @@ def test_a_joint_that_errs_by_what_the_other_one_of_a_pair_lacks_is_not_called_g
     assert HELPED in shown
     assert shown.count("of the explainable gap closed") == 1
     for share, after in ((0.0, 0.04123), (None, 0.04)):  # it is as good without
-        same = replace(diagnosis.gaps[0], closed=share, after=after)
+        same = replace(diagnosis.gaps[0], closed=share, after=after, noise_floor=0.04)
         assert "is good to the noise floor" in joint_sentence(first, same)
+
+
+@pytest.mark.parametrize(("floor", "is_good"), [(0.03, True), (0.00101, False)])
+def test_what_errs_by_far_more_than_the_noise_floor_is_not_called_good_to_it(floor: float, is_good: bool) -> None:
+    diagnosis = example("none")
+    gap = replace(diagnosis.gaps[0], after=0.04123, noise_floor=floor)
+    said, shown = joint_sentence(diagnosis.joints[0], gap), Page(render(replace(diagnosis, gaps=(gap,)))).text
+    assert ("is good to the noise floor" in said) is is_good
+    assert ("no known effect is missing; the held-out error is 41.2 mrad, noise floor 1.01 mrad" in said) is not is_good
+    assert (MEANING["none"] in shown) is is_good
+    assert (UNCERTAIN in shown) is not is_good
 
 
 def test_long_names_in_the_waterfall_are_not_clipped(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,7 @@ product of `unit` and `times_unit` has to be convertible to the standard unit of
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -113,13 +114,13 @@ def standard_unit(target: str, position_unit: str) -> str:
     }[prefix]
 
 
-def apply(columns: ColumnMap, table: Table, position_units: Mapping[int, str]) -> Table:
+def apply(columns: ColumnMap, table: Table, position_units: defaultdict[int, str]) -> Table:
     """The table in standard columns. Mapped columns replace columns of the same name; standard ones stay."""
     mapped = {name: values for name, values in table.columns.items() if name == "t" or STANDARD_COLUMN.fullmatch(name)}
     stated = {name: ColumnSource(name) for name in mapped if name in table.units}
     for target, item in (stated | dict(columns.columns)).items():
         joint = int(target.lstrip("abcdefghijklmnopqrstuvwxyz") or 0)
-        mapped[target] = converted(item, table, standard_unit(target, position_units.get(joint, "rad")), target)
+        mapped[target] = converted(item, table, standard_unit(target, position_units[joint]), target)
     return replace(table, columns=mapped)
 
 

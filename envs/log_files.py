@@ -3,16 +3,21 @@
 Columns: ``t`` [s], per joint ``v{j}`` [V] or ``i{j}`` [A] or ``tau{j}`` [N m or N], ``q{j}`` [rad or m],
 optionally ``dq{j}`` [rad/s or m/s] and ``temp{j}`` [deg C]. A file with ``t, v1, q1`` is enough.
 
-The sidecar holds ``robot``, ``loop`` and one table ``[joints.J]`` per joint with the fields of `JointFacts`.
+The sidecar holds ``robot``, ``loop`` and the fields of `JointFacts`, those of one joint in its table ``[joints.J]``,
+those of every joint above the tables. ``encoder_counts`` or ``encoder_counts_per_rev`` stands for an ``encoder_step``
+of 2 pi / counts.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 import tomllib
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_args
 
@@ -42,7 +47,9 @@ READERS: dict[str, Reader] = {
     ".bag": read_bag,
 }
 WRITABLE = (".csv", ".parquet", ".npz")
-SIDECAR_ENTRIES = ("robot", "loop", "columns", "rows", "joints")
+JOINT_FACTS = tuple(item.name for item in fields(JointFacts))
+ENCODER_COUNTS = ("encoder_counts", "encoder_counts_per_rev")
+SIDECAR_ENTRIES = ("robot", "loop", "columns", "rows", "joints", *JOINT_FACTS, *ENCODER_COUNTS)
 CHOICES: dict[str, tuple[str, ...]] = {
     "input": get_args(InputKind),
     "hold": get_args(Hold),
@@ -73,10 +80,17 @@ def load_with_findings(
     mended: tuple[Finding, ...] = ()
     if repair:
         log, mended = repaired(log)
-    in_sidecar = {f"q{joint}" for joint, entry in content.get("joints", {}).items() if "position_unit" in entry}
+    in_sidecar = {
+        f"q{j}" for j in log.joints if "position_unit" in {**content, **content.get("joints", {}).get(str(j), {})}
+    }
     in_file = {name for name in (*columns.columns, *table.units) if columns.names[name] in table.units}
     names = replace(columns.names, stated=columns.names.stated | in_sidecar | in_file)
-    return log, (*table.findings, *found, *mended, *check(log, names))
+    unread = [
+        Finding("entry_not_read", f"{name} of {facts_file.name} is not an entry of a sidecar; it was not read")
+        for name in content
+        if name not in SIDECAR_ENTRIES
+    ]
+    return log, (*table.findings, *unread, *found, *mended, *check(log, names))
 
 
 def sidecar_of(path: Path, column_map: ColumnMap | str | Path | None, table: Table) -> tuple[Path, dict[str, Any]]:
@@ -134,18 +148,16 @@ def sidecar_path(path: Path) -> Path:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """A sidecar or column map as a dictionary. Raises LogError when it is not TOML or has unknown entries."""
+    """A sidecar or column map as a dictionary. Raises LogError when it is not TOML or an entry seems misspelt."""
     if path.is_dir():
         raise LogError("this is a folder, not a column map", remedy="Give a TOML file", source=str(path))
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise LogError(f"this is not valid TOML ({error})", remedy="Correct it", source=str(path)) from None
-    unknown = sorted(set(content) - set(SIDECAR_ENTRIES))
-    if unknown:
-        raise LogError(
-            f"{unknown[0]} is not an entry of a sidecar", remedy=f"Use {', '.join(SIDECAR_ENTRIES)}", source=str(path)
-        )
+    for name in sorted(set(content) - set(SIDECAR_ENTRIES)):
+        if meant := get_close_matches(name, SIDECAR_ENTRIES, n=1, cutoff=0.75):
+            raise LogError(f"{name} is not an entry of a sidecar", remedy=f"Write {meant[0]}", source=str(path))
     for name in ("columns", "rows", "joints"):
         if not isinstance(content.get(name, {}), dict):
             raise LogError(f"{name} is not a table", remedy=f"Write [{name}]", source=str(path))
@@ -182,7 +194,9 @@ def assemble(
 ) -> tuple[Log, tuple[Finding, ...]]:
     """A Log from a file's columns, a column map and the facts of the sidecar, not yet validated."""
     stated = facts.get("joints", {})
-    units = {int(joint): entry.get("position_unit", "rad") for joint, entry in stated.items() if joint.isdigit()}
+    for_all = {name: facts[name] for name in (*JOINT_FACTS, *ENCODER_COUNTS) if name in facts}
+    units: defaultdict[int, str] = defaultdict(lambda: for_all.get("position_unit", "rad"))
+    units |= {int(j): entry["position_unit"] for j, entry in stated.items() if j.isdigit() and "position_unit" in entry}
     whole, table = table, apply(columns, table, units)
     found: dict[int, set[str]] = {}
     for column in table.columns:
@@ -195,7 +209,7 @@ def assemble(
     check_facts(columns, stated, joints, facts_file)
     time, findings = from_epoch(table.numbers("t"))
     joint_facts = tuple(
-        facts_of(joint, found[joint], stated.get(str(joint), {}), whole, facts_file) for joint in joints
+        facts_of(joint, found[joint], (for_all, stated.get(str(joint), {})), whole, facts_file) for joint in joints
     )
 
     def stack(names: list[str]) -> Array:
@@ -254,15 +268,24 @@ def from_epoch(time: Array) -> tuple[Array, list[Finding]]:
     return time, []
 
 
-def facts_of(joint: int, prefixes: set[str], entry: Mapping[str, Any], table: Table, facts_file: str) -> JointFacts:
-    """Facts of one joint: what its command column says, then what ``[joints.J]`` says."""
+def facts_of(
+    joint: int, prefixes: set[str], entries: Sequence[Mapping[str, Any]], table: Table, facts_file: str
+) -> JointFacts:
+    """Facts of one joint: what its command column says, then what is stated for all joints, then ``[joints.J]``."""
     commands = sorted(prefixes & set(COMMAND_PREFIX))
-    stated = dict(entry)
-    known = [item.name for item in fields(JointFacts)]
-    if unknown := sorted(set(stated) - set(known)):
-        raise LogError(
-            f"[joints.{joint}] has the unknown entry {unknown[0]}", remedy=f"Use {', '.join(known)}", source=facts_file
-        )
+    stated: dict[str, Any] = {}
+    for entry in entries:
+        if unknown := sorted(set(entry) - {*JOINT_FACTS, *ENCODER_COUNTS}):
+            raise LogError(
+                f"[joints.{joint}] has the unknown entry {unknown[0]}",
+                remedy=f"Use {', '.join(JOINT_FACTS)}",
+                source=facts_file,
+            )
+        steps = {"encoder_step", *ENCODER_COUNTS}
+        if steps & set(entry):
+            stated = {name: value for name, value in stated.items() if name not in steps}
+        stated |= entry
+    stated = with_step(stated, facts_file)
     if not commands:
         raise LogError(
             f"joint {joint} has a position but no command; the file has {listed(table.columns)}",
@@ -294,6 +317,23 @@ def facts_of(joint: int, prefixes: set[str], entry: Mapping[str, Any], table: Ta
                 source=facts_file,
             )
     return JointFacts(**stated)
+
+
+def with_step(entry: Mapping[str, Any], facts_file: str) -> dict[str, Any]:
+    """Stated facts, counts of an encoder in them turned into its step, 2 pi / counts [rad]."""
+    stated = {name: value for name, value in entry.items() if name not in ENCODER_COUNTS}
+    for name in ENCODER_COUNTS:
+        counts = entry.get(name)
+        if counts is None:
+            continue
+        if not (isinstance(counts, int | float) and 0 < counts < np.inf):
+            raise LogError(f"{name} = {counts!r} is not a positive number", remedy="Correct it", source=facts_file)
+        if "encoder_step" in stated:
+            raise LogError(f"{name} and encoder_step say the same", remedy="Keep one of them", source=facts_file)
+        if stated.get("position_unit") == "m":
+            raise LogError(f"{name} says nothing of a position in m", remedy="State encoder_step", source=facts_file)
+        stated["encoder_step"] = 2.0 * math.pi / counts
+    return stated
 
 
 def check_writable(path: Path) -> str:

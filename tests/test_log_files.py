@@ -319,7 +319,12 @@ def test_wrong_column_maps(entry: str, complaint: str, tmp_path: Path) -> None:
     ("sidecar", "complaint"),
     [
         ("robot = ", "not valid TOML"),
-        ('machine = "x"', "machine is not an entry"),
+        ('robots = "x"', "robots is not an entry of a sidecar. Write robot"),
+        ("encoder_steps = 0.1", "Write encoder_step"),
+        ("encoder_counts = 0", "not a positive number"),
+        ("encoder_counts = 4096\nencoder_step = 0.1", "say the same"),
+        ('position_unit = "m"\nencoder_counts = 4096', "says nothing of a position in m"),
+        ("encoder_step = -1", "not a positive number"),
         ('loop = "ajar"', "loop = 'ajar' is unknown"),
         ("joints = 3", "joints is not a table"),
         ("[joints.1]\nspeed = 3", "unknown entry speed"),
@@ -337,6 +342,21 @@ def test_wrong_sidecars(sidecar: str, complaint: str, tmp_path: Path) -> None:
     with pytest.raises(LogError) as caught:
         load(path)
     assert complaint in str(caught.value)
+
+
+def test_facts_for_all_joints_stand_above_those_of_one(tmp_path: Path) -> None:
+    motion = swing()
+    two = {**motion, "v2": motion["v1"], "q2": motion["q1"]}
+    path = write_csv(tmp_path / "log.csv", two)
+    (tmp_path / "log.toml").write_text(
+        'rig = "bench 3"\nencoder_counts_per_rev = 4096\nhold = "first_order"\n[joints.2]\nencoder_step = 0.01\n'
+    )
+    log, found = load_with_findings(path)
+    assert [fact.encoder_step for fact in log.facts] == [2.0 * np.pi / 4096, 0.01]
+    assert [fact.hold for fact in log.facts] == ["first_order", "first_order"]
+    assert [item.text for item in found if item.kind == "entry_not_read"] == [
+        "rig of log.toml is not an entry of a sidecar; it was not read"
+    ]
 
 
 def test_a_folder_is_no_column_map(tmp_path: Path) -> None:

@@ -412,12 +412,26 @@ def test_visibility_grows_with_the_effect_and_ignores_what_a_refit_explains():
     def seen(change: dict[str, float]) -> float:
         # the logs are clean: what is measured is how far off a machine with the change would predict
         other = (replace(machine.joints[0], **change),)
-        return visibility.visibility(machine, machine.joints, other, logs, none, none)
+        return visibility.visibility(replace(machine, joints=other), machine.joints, other, logs, none, none)
 
     assert seen({}) == 0.0
     assert seen({"offset": 0.02}) == pytest.approx(2 * seen({"offset": 0.01}), rel=0.05)
     inertia = machine.joints[0].link_inertia
     assert seen({"link_inertia": 1.002 * inertia}) < 0.05 * seen({"offset": 0.01})
+
+
+def test_what_is_visible_of_an_effect_leaves_out_what_another_ones_size_explains():
+    trial = make_trial(3, Kind.CLEAN, "adept_j1", duration=10.0)
+    machine, logs, none = trial.truth.machine, trial.train, (visibility.Streams(),) * 2
+    other = (replace(machine.joints[0], offset=0.01),)
+    known = visibility.visibility(replace(machine, joints=other), machine.joints, other, logs, none, none)
+    assert visibility.visibility(machine, machine.joints, other, logs, none, none) < 1e-3 * known
+
+
+def test_where_a_pendulum_hangs_is_not_known():
+    machine = FAMILIES["pendulum"](np.random.default_rng(1))
+    turned = [joints[0] for joints, _ in visibility.variations(machine, machine.joints, 1e-3) if joints[0].tilt]
+    assert [joint.tilt_phase for joint in turned] == [math.pi / 2]
 
 
 # --- trials ----------------------------------------------------------------------------------------------------------

@@ -230,7 +230,7 @@ def _hide(
 
 
 def _visibility(truth: Truth, effect: TrueEffect, logs: tuple[Log, ...]) -> float:
-    """Visibility of one effect when the others are known."""
+    """Visibility of one effect when the others are known to be there."""
     index = truth.machine.numbers.index(effect.joint)
     if "timestamp_jitter" in effect.hidden.streams:
         speed = np.concatenate([np.gradient(log.position[:, index], truth.machine.sample_time) for log in logs])

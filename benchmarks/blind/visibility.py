@@ -1,8 +1,8 @@
 """How visible a hidden effect is in its logs: the limit that no diagnosis can beat.
 
 A predictor that knows the truth and one that knows everything but one effect both follow the measured angle with a
-weak leak. Their residuals differ by d. What a refit of the machine's parameters can explain of d is projected out, the
-rest is whitened with the noise that the true predictor leaves, and
+weak leak. Their residuals differ by d. What a refit of the machine's parameters, and of the other effects' sizes, can
+explain of d is projected out, the rest is whitened with the noise that the true predictor leaves, and
 
     visibility = || whitened, projected d ||
 
@@ -11,7 +11,8 @@ is the deflection of the likelihood-ratio test that knows the effect, in standar
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -61,20 +62,35 @@ def predict(machine: Machine, joints: tuple[Joint, ...], log: Log, streams: Stre
 
 
 def variations(machine: Machine, joints: tuple[Joint, ...], share: float) -> list[tuple[tuple[Joint, ...], float]]:
-    """Joints and coupling inertia with one refitted parameter raised by `share` each."""
+    """Joints and coupling inertia with one refitted parameter raised by `share` each.
+
+    Refitted are the machine's parameters and every number by which an effect makes a joint differ from the machine's.
+    """
     found: list[tuple[tuple[Joint, ...], float]] = []
-    for j, joint in enumerate(joints):
+    for j, (joint, bare) in enumerate(zip(joints, machine.joints, strict=True)):
         grown = replace(
             joint, motor_inertia=joint.motor_inertia * (1 + share), link_inertia=joint.link_inertia * (1 + share)
         )
         changed = [grown]
-        changed += [
-            replace(joint, **{name: getattr(joint, name) * (1 + share)}) for name in REFITTED if getattr(joint, name)
-        ]
+        numbers = [name for name in REFITTED if getattr(joint, name)]
+        numbers += [name for name in _sizes(joint, bare) if name not in numbers]
+        changed += [replace(joint, **{name: getattr(joint, name) * (1 + share)}) for name in numbers]
+        if joint.gravity and not joint.tilt:  # where a pendulum hangs is not known either
+            changed.append(replace(joint, tilt=joint.gravity * share, tilt_phase=math.pi / 2))
         found += [((*joints[:j], other, *joints[j + 1 :]), machine.coupling_inertia) for other in changed]
     if machine.coupling_inertia:
         found.append((joints, machine.coupling_inertia * (1 + share)))
     return found
+
+
+def _sizes(joint: Joint, bare: Joint) -> list[str]:
+    """Names of the finite numbers by which a joint with effects differs from the bare one."""
+    values = {field.name: getattr(joint, field.name) for field in fields(joint)}
+    return [
+        name
+        for name, value in values.items()
+        if isinstance(value, float) and np.isfinite(value) and value and value != getattr(bare, name)
+    ]
 
 
 def visibility(

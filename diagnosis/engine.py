@@ -78,9 +78,11 @@ from diagnosis.search import (
     plays,
     polish,
     ranking,
+    score,
     stuck,
     try_all,
     with_limiting_effects,
+    within,
 )
 from diagnosis.settings import LENGTH, SHORTEST, Settings
 from diagnosis.timing import timing_settled
@@ -441,14 +443,24 @@ class Search:
         return self.beyond(path) > 0 or (self.beyond(path) == 0 and path.excess == 0.0)
 
     def candidates(self, path: Path, *, is_full: bool) -> list[tuple[Effect, int]]:
-        """The effects that may come next: all others, or those that contain one that is there."""
+        """The effects that may come next: all others, or those that contain one that is there.
+
+        Where small causes grow and nothing is left but what noise may do there, not those whose frequency or instant is
+        searched for: among many fits that end elsewhere by chance, some end better.
+        """
         arm: tuple[str, ...] = ()
         if self.problem.pair:
             arm = ("coupling", "weight") if self.structures[0].gravity == "pendulum" else ("coupling",)
         others = hypotheses_of(self.effects, self.problem.joints, set(path.present), arm)
         there = {(item.name, item.joint) for item in path.accepted}
         contains = lambda effect, j: any((name, j) in there for name in effect.includes)  # noqa: E731
-        return [(effect, j) for effect, j in others if not is_full or contains(effect, j)]
+        joints = range(self.problem.joints)
+        rough = {j for j in joints if path.left and path.excess == 0.0 and scatters(self.problem, path.base.point, j)}
+        return [
+            (effect, j)
+            for effect, j in others
+            if contains(effect, j) or not (is_full or (j in rough and effect.scan is not None))
+        ]
 
     def advanced(self, path: Path, chosen: Accepted) -> Path:
         """The path with one more effect, in its simplest form, and without those that it makes superfluous."""
@@ -491,7 +503,7 @@ class Search:
         What stands beside an effect now may have been missing when it was taken, and a near equal have come second only
         for that. Where something is left, any law may have been what the effect stands in for.
         """
-        cheap: list[Way] = [self.with_second, self.with_nothing]
+        cheap: list[Way] = [self.with_second, self.with_nothing, self.with_plainer]
         dear: list[Way] = [partial(self.with_another_law, any_law=any_law) for any_law in (False, True)]
         for way in cheap + dear:
             for item in path.accepted:
@@ -516,6 +528,35 @@ class Search:
             return None
         longer = self.grown(shorter)
         return longer if self.cost(longer) < self.cost(path) else None
+
+    def with_plainer(self, path: Path, item: Accepted) -> Path | None:
+        """The path with a plainer effect in the place of one that contains it, and another law in its general form;
+        None if that costs more.
+
+        An effect with more to adjust may have made up for what the textbook's form of another one lacks: Stribeck
+        friction for a drag that grows with less than the square of the velocity.
+        """
+        problem, joint = self.problem, item.joint
+        others = tuple(other for other in path.accepted if other is not item)
+        plain = [
+            effect for effect in self.effects if effect.name in item.effect.includes and effect.label != item.label
+        ]
+        general = {(inner, form.label) for form in self.effects if form.neutral for inner in form.includes}
+        if not plain or not general & {(other.name, other.label) for other in others}:
+            return None
+        self.tell(f"a plainer law in the place of {item.label}")
+        smaller = without(problem, path.base, item)
+        whole = replace(item.scored, fitted=path.base)
+        starts = [Start(Hypothesis(effect, joint), np.zeros((problem.logs, effect.size)), 0.0) for effect in plain]
+        fits = [score(problem, smaller, start, fit(problem, within(problem, whole, start))) for start in starts]
+        chosen = replace(item, scored=max(fits, key=lambda scored: scored.evidence))
+        plainer = self.advanced(shortened(path, others, smaller), chosen)
+        plainer = replace(plainer, left=remainders(problem, plainer.base))
+        explained = self.nominal.criterion - plainer.base.criterion
+        longer = self.repaired(plainer, self.candidates(plainer, is_full=False), explained)
+        if longer is None or self.cost(longer) >= self.cost(path):
+            return None
+        return replace(longer, left=remainders(problem, longer.base))
 
     def with_second(self, path: Path, item: Accepted) -> Path | None:
         """The path with what came second in the place of what was taken then, as it was fitted then but beside all the

@@ -20,7 +20,7 @@ from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
 from diagnosis.problem import Problem
 from diagnosis.regression import View
 from diagnosis.resonance import ringing
-from diagnosis.turns import free_of_filter, to_errors, to_innovations
+from diagnosis.turns import either_way, free_of_filter, to_errors, to_innovations
 from diagnosis.whitening import whitener
 from envs.log import Array
 from methods.effects.base import Effect, Scales
@@ -413,19 +413,30 @@ def begun_again(problem: Problem, base: Fitted, start: Start) -> Scored:
 
 
 def off_limits(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
-    """A fit that ended with parameters of the effect at their upper limits, begun again from half of them.
+    """A fit that ended with parameters of the effect at their limits, begun again from within.
 
-    There it stops because it can go no further, not at an optimum: with nearly all of the inertia behind a spring, it
-    hardly matters how much.
+    There it stops because it can go no further, not at an optimum: with nearly all of the inertia behind a spring, or
+    nearly none of it behind one that the encoder sees through, it hardly matters how much. Half of an upper limit is
+    taken; from little inertia behind a spring half of it, with the frequency ``f / sqrt(1 - r)`` at which motor and
+    load ring.
     """
     vector, point = fitted.point.vector.copy(), fitted.point
     prefix = f"{hypothesis.effect.name}."
-    for i, f in enumerate(point.free):
-        if f.joint == hypothesis.joint and f.name.startswith(prefix) and vector[i] >= f.upper:
+    own = {
+        f.name.split("@")[0].removeprefix(prefix): i
+        for i, f in enumerate(point.free)
+        if f.joint == hypothesis.joint and f.name.startswith(prefix)
+    }
+    for i in own.values():
+        if vector[i] >= point.free[i].upper:
             vector[i] *= 0.5
+    share = own.get("inertia_ratio")
+    if share is not None and "frequency" in own and 0.0 < vector[share] <= point.free[share].lower:
+        vector[own["frequency"]] *= np.sqrt(0.5 / (1.0 - vector[share]))
+        vector[share] = 0.5
     if np.array_equal(vector, point.vector):
         return fitted
-    return min(fitted, free_of_filter(problem, point.at(vector)), key=lambda option: option.criterion)
+    return min(fitted, either_way(problem, point.at(vector)), key=lambda option: option.criterion)
 
 
 def with_limiting_effects(problem: Problem, base: Fitted, ranked: Sequence[Scored]) -> list[Scored]:
@@ -611,7 +622,7 @@ def hypotheses_of(
 
     def has_its_turn(effect: Effect, j: int) -> bool:
         own = (name for name in effect.includes if forms.get(name) == effect.label)
-        return not effect.after or any((name, j) in present for name in (effect.after, *own))
+        return not effect.after or any((name, j) in present for name in (*effect.after, *own))
 
     return [
         (effect, j)

@@ -40,6 +40,7 @@ def record(
     noise: float = 1e-5,
     seconds: float = 12.0,
     spring: Callable[[float], float] = lambda q: 0.0,
+    amplifier: Callable[[float], float] = lambda u: u,
 ) -> Log:
     """A torque-driven joint by semi-implicit Euler steps, so many per sample; the command acts `late` samples later."""
     rng = np.random.default_rng(seed)
@@ -49,7 +50,7 @@ def record(
     q, w, h, reading = 0.3, 0.0, DT / steps, np.empty(len(time))
     for k in range(len(time)):
         reading[k] = q
-        u = float(command[max(k - late, 0)])
+        u = amplifier(float(command[max(k - late, 0)]))
         for _ in range(steps):
             w += h * (u - VISCOUS * w - friction(w) - spring(q)) / INERTIA
             q += h * w
@@ -178,6 +179,24 @@ def test_dry_friction_that_differs_by_direction_is_not_told_from_an_offset() -> 
     beyond = diagnosed(lambda w: 0.03 * math.tanh(w / 0.01) + 0.1, steps=4)
     assert set(names(beyond)) == {"amplifier_offset", "coulomb_friction"}
     assert beyond.verdict == "named"
+
+
+def test_the_output_of_an_amplifier_with_a_dead_zone_is_off() -> None:
+    """An offset that comes in is lost in the dead zone, one of the output stage is not."""
+    dead = lambda u: math.copysign(max(abs(u) - 0.1, 0.0), u)  # noqa: E731
+    behind = diagnosed(lambda w: 0.0, steps=4, amplifier=lambda u: dead(u) + 0.03)
+    assert sorted(item.name for item in behind.accepted) == ["amplifier_offset_at_output", "dead_zone"]
+    assert {item.label for item in behind.accepted} == {"amplifier_offset", "dead_zone"}
+    assert free(behind, "amplifier_offset_at_output.voltage") == pytest.approx(0.03, rel=0.02)
+    before = diagnosed(lambda w: 0.0, steps=4, amplifier=lambda u: dead(u + 0.03))
+    assert sorted(item.name for item in before.accepted) == ["amplifier_offset", "dead_zone"]
+
+
+def test_a_plainer_law_beside_the_general_form_of_another_one() -> None:
+    """A drag that grows with less than the square of the velocity makes dry friction look like a Stribeck curve."""
+    found = diagnosed(lambda w: 0.03 * math.copysign(1.0, w) + 0.08 * abs(w) ** 0.9 * w, steps=20, noise=1e-6)
+    assert sorted(item.name for item in found.accepted) == ["coulomb_friction", "quadratic_drag_power"]
+    assert free(found, "quadratic_drag_power.exponent") == pytest.approx(1.9, rel=0.02)
 
 
 def test_a_command_that_acts_before_it_is_logged() -> None:

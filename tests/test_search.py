@@ -1822,6 +1822,26 @@ def test_a_fit_that_ends_at_a_limit_begins_again_inside() -> None:
     assert off_limits(problem, again, hypothesis) is again
 
 
+def test_a_spring_that_ended_with_next_to_nothing_behind_it_begins_again_with_the_same_resonance(monkeypatch) -> None:
+    """Of a spring that the encoder sees through the resonance shows, and hardly the share behind it."""
+    problem = stack(KERNEL, [record({})], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    hypothesis = Hypothesis(NAMED["joint_flexibility_load_side"], 0)
+    light = extend(problem, nominal.point, hypothesis, np.array([[0.1, 12.0, 0.15]]))
+    begun: list[Any] = []
+    monkeypatch.setattr(
+        "diagnosis.search.either_way", lambda _, p: begun.append(p) or SimpleNamespace(point=p, criterion=1.0)
+    )
+    at_limit = SimpleNamespace(point=light, criterion=2.0)
+    assert off_limits(problem, at_limit, hypothesis).criterion == 1.0  # type: ignore[arg-type]
+    name = "joint_flexibility_load_side.{}@0"
+    share, frequency = (begun[0].value(name.format(what)) for what in ("inertia_ratio", "frequency"))
+    assert share == 0.5
+    assert frequency / np.sqrt(1.0 - share) == pytest.approx(12.0 / np.sqrt(0.9))
+    inside = SimpleNamespace(point=begun[0], criterion=2.0)
+    assert off_limits(problem, inside, hypothesis) is inside  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("name", ["joint_flexibility", "backlash"])
 def test_the_weight_of_the_arm_hangs_behind_the_transmission(name: str) -> None:
     """Against the equations of two inertias, the arm's under gravity, solved apart; it begins in its spring, or leaning
@@ -1999,6 +2019,22 @@ def test_laws_are_not_exchanged_beside_a_single_effect_that_leaves_little(monkey
     spent = replace(search, settings=Settings(budget=0))
     assert spent.is_spent
     assert not spent.completed(path).is_cut  # nothing was left untried
+
+
+def test_what_is_searched_for_is_left_alone_in_rough_ground_where_nothing_is_left() -> None:
+    problem = problem_of({"amplifier_offset": {"voltage": 2e-2}})
+    effects = [NAMED[name] for name in ("backlash", "torque_ripple", "coulomb_friction")]
+    search = Search.begin(problem, (JointStructure(),), effects, Settings(), lambda text: None)
+    play = accepted(problem, search.nominal, "backlash", [0.01, 0.3, 30.0, 0.3])
+    nothing, something = Remainder((), 0.0, 10, 0.0, 0.0, 0.0), Remainder((), 1000.0, 10, 0.0, 0.0, 0.0)
+
+    def names(base: Fitted, left: Remainder) -> list[str]:
+        path = Path(base, (play,), frozenset({("backlash", 0)}), (search.nominal,), (left,))
+        return sorted(effect.name for effect, _ in search.candidates(path, is_full=False))
+
+    assert names(play.scored.fitted, nothing) == ["coulomb_friction"]
+    assert names(play.scored.fitted, something) == ["coulomb_friction", "torque_ripple"]
+    assert names(search.nominal, nothing) == ["coulomb_friction", "torque_ripple"]
 
 
 def test_collisions_from_a_box_to_half_a_sine() -> None:

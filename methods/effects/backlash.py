@@ -67,7 +67,7 @@ POWER = replace(
     excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side"),
     includes=("backlash",),
     neutral=(1.0,),
-    after="backlash",
+    after=("backlash",),
     starts=lambda s: [(*values, 1.5) for values in starts(s)[:1]],
     expected_failures=(),
 )

@@ -129,7 +129,7 @@ class Effect:
     of_the_link: its equation for the second link of a planar pair, where it turns with both joints and acts on both.
     remembers: whether it has a state that outlasts the motion of a few seconds, which a log does not show.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
-        `kind` is the name they share, `after` the instance that has to be there first; so may a form of a law.
+        `kind` is the name they share, `after` the instances one of which has to be there first; so may a form of a law.
     expected_failures: conformance checks (`diagnosis.effect_checks`) that it fails by its nature, each with the reason.
     """
 
@@ -159,7 +159,7 @@ class Effect:
     remembers: bool = False
     excludes: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
-    after: str = ""
+    after: tuple[str, ...] = ()
     kind: str = ""
     expected_failures: tuple[tuple[str, str], ...] = ()
 
@@ -216,7 +216,7 @@ class Effect:
 def instances(effect: Effect, count: int) -> tuple[Effect, ...]:
     """An effect that may occur up to `count` times, as effects of their own."""
     names = [effect.name, *(f"{effect.name}_{number}" for number in range(2, count + 1))]
-    further = (replace(effect, name=name, after=before, kind=effect.name) for before, name in pairwise(names))
+    further = (replace(effect, name=name, after=(before,), kind=effect.name) for before, name in pairwise(names))
     return (effect, *further)
 
 

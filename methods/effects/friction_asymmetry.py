@@ -33,7 +33,7 @@ EFFECT = Effect(
     amplitudes=(0, 1),
     starts=lambda s: [(0.02 * s.torque_rms, 0.02 * s.torque_rms / s.velocity_rms)],
     function=torque,
-    includes=("amplifier_offset",),
+    includes=("amplifier_offset", "amplifier_offset_at_output"),
     beside=("coulomb_friction", "stribeck_friction", "presliding_friction"),
 )
 
@@ -49,7 +49,7 @@ ROUNDED = replace(
     kind="friction_asymmetry",
     parameters=(*EFFECT.parameters, ROUNDING),
     equation=r"\tau_f = \Delta T/2\,|\tanh(\dot q/v_0)| + \Delta b/2\,|\dot q|",
-    includes=("friction_asymmetry", "amplifier_offset"),
+    includes=("friction_asymmetry", "amplifier_offset", "amplifier_offset_at_output"),
     beside=(),
     resolved=lambda p, s: turns_slowly(p[2], s),
     starts=lambda s: [

@@ -67,7 +67,7 @@ WEIGHED = replace(
     scan=None,
     includes=("payload_change",),
     neutral=(0.0, 0.0),
-    after="payload_change",
+    after=("payload_change",),
     excludes=(*EFFECT.excludes, *ON_THE_ARM),
 )
 """The load has a weight, too, about an axis that is not vertical."""

@@ -58,7 +58,7 @@ ROUNDED = replace(
     parameters=(*EFFECT.parameters, ROUNDING),
     equation=r"\tau_f = [T_c + (T_s - T_c)\,e^{-|\dot q/v_s|^{\delta}}]\,\tanh(\dot q/v_0)",
     includes=("stribeck_friction", "coulomb_friction", "rounded_coulomb_friction"),
-    after="rounded_coulomb_friction",
+    after=("rounded_coulomb_friction",),
     starts=lambda s: [
         (0.02 * s.torque_rms, 0.01 * s.torque_rms, share * s.velocity_rms, 1.5, rounding * share * s.velocity_rms)
         for share, rounding in ((0.1, 0.02), (0.1, 0.05), (0.1, 0.15), (0.25, 0.15), (0.6, 0.15))
@@ -91,7 +91,7 @@ TAILED = replace(
     equation=r"\tau_f = [T_c + (T_s - T_c)\,(1 + h\,|\dot q/v_s|^{\delta})^{-1/h}]\,\mathrm{sign}(\dot q)",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit 1994; Lorentzian: Hess, Soom 1990",
     includes=("stribeck_friction", "coulomb_friction"),
-    after="stribeck_friction",
+    after=("stribeck_friction",),
     starts=lambda s: [
         (0.02 * s.torque_rms, 0.01 * s.torque_rms, share * s.velocity_rms, 2.0, 1.0) for share in (0.03, 0.1, 0.25, 0.6)
     ],

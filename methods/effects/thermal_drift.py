@@ -41,7 +41,7 @@ COPPER = replace(
     includes=("thermal_drift",),
     excludes=("thermal_drift",),
     neutral=(0.0,),
-    after="thermal_drift",
+    after=("thermal_drift",),
     starts=lambda s: [(0.02, s.duration, 1.0)],
 )
 """Copper losses grow with the resistance that they heat, which shows where it rises by a third."""

@@ -44,6 +44,7 @@ from diagnosis.lags import told_apart
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
 from diagnosis.of_motion import is_of_motion
 from diagnosis.other_bases import (
+    also_by_own_steps,
     also_from_regression,
     also_without_limits,
     either,
@@ -363,6 +364,7 @@ class Search:
             ranked = try_all(problem, path.base, candidates, needed=needed, is_hopeless=hopeless)
             if not path.accepted and stuck(problem, ranked):
                 ranked = also_without_limits(problem, path.base, candidates, ranked)
+                ranked = also_by_own_steps(problem, path.base, candidates, ranked)
             if not path.accepted:
                 ranked = also_from_regression(problem, self.structures, path.base, candidates, ranked)
             if ranked and ranked[0].effect.scatters:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point
-from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.estimation import Fitted, Point, fit
+from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of
 from diagnosis.nominal import HOPELESS, JointStructure, limits_settled, point_at, without_limits
 from diagnosis.problem import Problem
 from diagnosis.search import Scored, best_forms, law, score, try_all, unfitted
@@ -16,6 +16,8 @@ from diagnosis.turns import in_turns, to_errors, to_innovations
 from methods.effects.base import Effect
 from methods.parallel import each
 
+LARGER = (1.0, 3.0)
+"""Sizes, as multiples of the effect's own starting values, from which a fit by steps of its own begins."""
 DRY = "coulomb_friction"
 """The effect that the regression of the starting point knows."""
 DRAG = 0.02
@@ -42,6 +44,32 @@ def also_without_limits(
     if free is None:
         return ranked
     return either(ranked, [s.refitted(base, s.fitted) for s in try_all(problem, free, candidates)])
+
+
+def also_by_own_steps(
+    problem: Problem, base: Fitted, candidates: Sequence[tuple[Effect, int]], ranked: list[Scored]
+) -> list[Scored]:
+    """The hypotheses, those of one parameter as good as after first steps by the sensitivities of the base or by their
+    own.
+
+    A motor that loses most of its torque as it saturates is fitted without that as one with several times its inertia.
+    From there the sensitivities of the base lead nowhere. Errors that no hypothesis brings down to noise
+    (`diagnosis.search.stuck`) are a sign of it.
+    """
+    sizes = sizes_of(problem, base)
+    starts = [
+        Start(Hypothesis(effect, j), np.tile(larger * np.array(values, float), (problem.logs, 1)), 0.0)
+        for effect, j in candidates
+        if effect.size == 1 and effect.starts is not None
+        for values in effect.starts(sizes[j])
+        for larger in LARGER
+    ]
+
+    def found(start: Start) -> Scored:
+        point = extend(problem, base.point, start.hypothesis, start.values)
+        return score(problem, base, start, fit(problem, point, rounds=2, iterations=10))
+
+    return either(ranked, each(found, starts))
 
 
 def also_from_regression(

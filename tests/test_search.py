@@ -36,7 +36,13 @@ from diagnosis.instants import retimed
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
-from diagnosis.other_bases import also_from_regression, also_without_limits, on_either_joint, settled_anew
+from diagnosis.other_bases import (
+    also_by_own_steps,
+    also_from_regression,
+    also_without_limits,
+    on_either_joint,
+    settled_anew,
+)
 from diagnosis.problem import KnownTorques, Problem, Work, evenly, in_band, stack
 from diagnosis.pruning import general, merged, merged_afterwards, prune, unified
 from diagnosis.regression import View, effective_samples
@@ -2019,6 +2025,22 @@ def test_laws_are_not_exchanged_beside_a_single_effect_that_leaves_little(monkey
     spent = replace(search, settings=Settings(budget=0))
     assert spent.is_spent
     assert not spent.completed(path).is_cut  # nothing was left untried
+
+
+def test_hypotheses_of_one_parameter_are_fitted_by_steps_of_their_own() -> None:
+    """Fitted without its saturation, a motor that loses most of its torque is a joint with another inertia."""
+    saturated = {"torque_constant_saturation": {"coefficient": 3.0}}
+    problem = problem_of(saturated, 1e-4 * np.random.default_rng(0).standard_normal(5000))
+    base = fit_nominal(problem, (JointStructure(),))
+    candidates = [(NAMED[name], 0) for name in ("torque_constant_saturation", "quadratic_drag", "friction_asymmetry")]
+    found = also_by_own_steps(problem, base, candidates, [])
+    assert sorted(scored.name for scored in found) == [
+        "quadratic_drag",
+        "torque_constant_saturation",
+    ]  # of one parameter
+    assert found[0].name == "torque_constant_saturation"
+    again = also_by_own_steps(problem, base, candidates, [replace(found[0], decrease=1e9)])
+    assert again[0].decrease == 1e9  # the better one stays
 
 
 def test_what_is_searched_for_is_left_alone_in_rough_ground_where_nothing_is_left() -> None:

@@ -79,11 +79,10 @@ from diagnosis.search import (
     plays,
     polish,
     ranking,
-    score,
+    simpler,
     stuck,
     try_all,
     with_limiting_effects,
-    within,
 )
 from diagnosis.settings import LENGTH, SHORTEST, Settings
 from diagnosis.timing import timing_settled
@@ -538,7 +537,7 @@ class Search:
         An effect with more to adjust may have made up for what the textbook's form of another one lacks: Stribeck
         friction for a drag that grows with less than the square of the velocity.
         """
-        problem, joint = self.problem, item.joint
+        problem = self.problem
         others = tuple(other for other in path.accepted if other is not item)
         plain = [
             effect for effect in self.effects if effect.name in item.effect.includes and effect.label != item.label
@@ -549,8 +548,7 @@ class Search:
         self.tell(f"a plainer law in the place of {item.label}")
         smaller = without(problem, path.base, item)
         whole = replace(item.scored, fitted=path.base)
-        starts = [Start(Hypothesis(effect, joint), np.zeros((problem.logs, effect.size)), 0.0) for effect in plain]
-        fits = [score(problem, smaller, start, fit(problem, within(problem, whole, start))) for start in starts]
+        fits = each(lambda effect: simpler(problem, smaller, whole, effect), plain)
         chosen = replace(item, scored=max(fits, key=lambda scored: scored.evidence))
         plainer = self.advanced(shortened(path, others, smaller), chosen)
         plainer = replace(plainer, left=remainders(problem, plainer.base))

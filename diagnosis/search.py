@@ -421,18 +421,14 @@ def off_limits(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitt
     load ring.
     """
     vector, point = fitted.point.vector.copy(), fitted.point
-    prefix = f"{hypothesis.effect.name}."
-    own = {
-        f.name.split("@")[0].removeprefix(prefix): i
-        for i, f in enumerate(point.free)
-        if f.joint == hypothesis.joint and f.name.startswith(prefix)
-    }
-    for i in own.values():
-        if vector[i] >= point.free[i].upper:
+    name, joint = hypothesis.effect.name, hypothesis.joint
+    for i, f in enumerate(point.free):
+        if f.joint == joint and f.name.startswith(f"{name}.") and vector[i] >= f.upper:
             vector[i] *= 0.5
-    share = own.get("inertia_ratio")
-    if share is not None and "frequency" in own and 0.0 < vector[share] <= point.free[share].lower:
-        vector[own["frequency"]] *= np.sqrt(0.5 / (1.0 - vector[share]))
+    free = {f.name: i for i, f in enumerate(point.free)}
+    share, frequency = (free.get(f"{name}.{what}@{joint}") for what in ("inertia_ratio", "frequency"))
+    if share is not None and frequency is not None and 0.0 < vector[share] <= point.free[share].lower:
+        vector[frequency] *= np.sqrt(0.5 / (1.0 - vector[share]))
         vector[share] = 0.5
     if np.array_equal(vector, point.vector):
         return fitted
@@ -452,12 +448,16 @@ def with_limiting_effects(problem: Problem, base: Fitted, ranked: Sequence[Score
         alone = best.get((inner.name, joint))
         if alone is not None and alone.decrease >= NEAR * scored.decrease:
             continue
-        start = Start(Hypothesis(inner, joint), np.zeros((problem.logs, inner.size)), 0.0)
-        fitted = fit(problem, within(problem, scored, start), rounds=2, iterations=6)
-        limit = score(problem, base, start, fitted)
+        limit = simpler(problem, base, scored, inner)
         if alone is None or limit.decrease > alone.decrease:
             best[inner.name, joint] = limit
     return sorted(best.values(), key=lambda s: -s.evidence)
+
+
+def simpler(problem: Problem, base: Fitted, whole: Scored, inner: Effect) -> Scored:
+    """An effect that another one contains, fitted in its place from what both describe; base: a model with neither."""
+    start = Start(Hypothesis(inner, whole.start.hypothesis.joint), np.zeros((problem.logs, inner.size)), 0.0)
+    return score(problem, base, start, fit(problem, within(problem, whole, start)))
 
 
 def within(problem: Problem, whole: Scored, start: Start) -> Point:

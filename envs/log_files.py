@@ -80,8 +80,9 @@ def load_with_findings(
     mended: tuple[Finding, ...] = ()
     if repair:
         log, mended = repaired(log)
+    in_joints = content.get("joints", {})
     in_sidecar = {
-        f"q{j}" for j in log.joints if "position_unit" in {**content, **content.get("joints", {}).get(str(j), {})}
+        f"q{j}" for j in log.joints if "position_unit" in content or "position_unit" in in_joints.get(str(j), {})
     }
     in_file = {name for name in (*columns.columns, *table.units) if columns.names[name] in table.units}
     names = replace(columns.names, stated=columns.names.stated | in_sidecar | in_file)
@@ -161,6 +162,9 @@ def read_toml(path: Path) -> dict[str, Any]:
     for name in ("columns", "rows", "joints"):
         if not isinstance(content.get(name, {}), dict):
             raise LogError(f"{name} is not a table", remedy=f"Write [{name}]", source=str(path))
+    for joint, entry in content.get("joints", {}).items():
+        if not isinstance(entry, dict):
+            raise LogError(f"joints.{joint} is not a table", remedy=f"Write [joints.{joint}]", source=str(path))
     return content
 
 

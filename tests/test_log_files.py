@@ -327,6 +327,7 @@ def test_wrong_column_maps(entry: str, complaint: str, tmp_path: Path) -> None:
         ("encoder_step = -1", "not a positive number"),
         ('loop = "ajar"', "loop = 'ajar' is unknown"),
         ("joints = 3", "joints is not a table"),
+        ("[joints]\n1 = 3", "joints.1 is not a table"),
         ("[joints.1]\nspeed = 3", "unknown entry speed"),
         ('[joints.1]\ninput = "pressure"', "input = 'pressure'"),
         ("[joints.1]\nencoder_step = -1", "not a positive number"),

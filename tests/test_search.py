@@ -1828,6 +1828,16 @@ def test_a_fit_that_ends_at_a_limit_begins_again_inside() -> None:
     assert off_limits(problem, again, hypothesis) is again
 
 
+def test_parameters_of_every_log_begin_again_inside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An effect has some parameters once for all logs and some, of the same name, once for each."""
+    free = [SimpleNamespace(name=f"collision.time@0#{log}", joint=0, upper=2.0, lower=0.0) for log in range(3)]
+    point = SimpleNamespace(free=free, vector=np.array([2.0, 1.0, 2.0]), at=lambda vector: vector)
+    monkeypatch.setattr("diagnosis.search.either_way", lambda _, p: SimpleNamespace(point=p, criterion=1.0))
+    fitted = SimpleNamespace(point=point, criterion=2.0)
+    again = off_limits(None, fitted, Hypothesis(NAMED["collision"], 0))  # type: ignore[arg-type]
+    assert again.point.tolist() == [1.0, 1.0, 1.0]  # type: ignore[attr-defined]
+
+
 def test_a_spring_that_ended_with_next_to_nothing_behind_it_begins_again_with_the_same_resonance(monkeypatch) -> None:
     """Of a spring that the encoder sees through the resonance shows, and hardly the share behind it."""
     problem = stack(KERNEL, [record({})], (1,))
@@ -2034,10 +2044,8 @@ def test_hypotheses_of_one_parameter_are_fitted_by_steps_of_their_own() -> None:
     base = fit_nominal(problem, (JointStructure(),))
     candidates = [(NAMED[name], 0) for name in ("torque_constant_saturation", "quadratic_drag", "friction_asymmetry")]
     found = also_by_own_steps(problem, base, candidates, [])
-    assert sorted(scored.name for scored in found) == [
-        "quadratic_drag",
-        "torque_constant_saturation",
-    ]  # of one parameter
+    of_one_parameter = ["quadratic_drag", "torque_constant_saturation"]
+    assert sorted(scored.name for scored in found) == of_one_parameter
     assert found[0].name == "torque_constant_saturation"
     again = also_by_own_steps(problem, base, candidates, [replace(found[0], decrease=1e9)])
     assert again[0].decrease == 1e9  # the better one stays

@@ -106,10 +106,15 @@ def _chained(
     effects: tuple[NamedEffect, ...], laws: list[tuple[str | None, Formula]]
 ) -> list[tuple[str | None, Formula]]:
     """The laws with those of the amplifier in the order in which the command u passes them, which between the first and
-    the last is that of their forms' names (`methods.effects.vocabulary`): each takes what the one before gives, and the
-    last one gives v_a."""
-    forms = {form.equation: form.name for form in built_in()}
-    turn = lambda e: ((e.name == LAST) - (e.name == FIRST), forms.get(e.equation, e.name))  # noqa: E731
+    the last is that of their forms' names (`methods.effects.vocabulary`); what adds to the torque comes behind all of
+    them. Each takes what the one before gives, and the last one gives v_a."""
+    forms = {form.equation: form for form in built_in()}
+
+    def turn(effect: NamedEffect) -> tuple[int, str]:
+        form = forms.get(effect.equation)
+        place = 2 if form and form.slot == "torque" else (effect.name == LAST) - (effect.name == FIRST)
+        return place, form.name if form else effect.name
+
     chain = [i for i, effect in enumerate(effects) if effect.stage == "amplifier" and "v_a" in effect.equation]
     chain.sort(key=lambda i: turn(effects[i]))
     for place, i in enumerate(chain):

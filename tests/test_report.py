@@ -498,6 +498,9 @@ def test_the_command_passes_the_effects_of_the_amplifier_one_by_one() -> None:
         "v_1(t) = u(t - T_d)",
     ]
     assert [line.partition(" =")[0] for line in lines("dead_zone", "amplifier_offset")] == ["v_a", "v_1"]
+    behind = lines("amplifier_offset_at_output", "amplifier_lag", "dead_zone")
+    assert behind[0].startswith("v_a = v_2 + v_{off}")
+    assert [line.partition(" =")[0] for line in behind[1:]] == [r"T\,\dot v_2 + v_2", "v_1"]
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ AT_OUTPUT = replace(
     name="amplifier_offset_at_output",
     kind="amplifier_offset",
     slot="torque",
-    equation=r"v_a = f(v) + v_{off}",
+    equation=r"v_a = v + v_{off}\ \mathrm{(output)}",
     after=("dead_zone", "gradual_dead_zone", "voltage_saturation", "gradual_voltage_saturation"),
     excludes=("amplifier_offset",),
     function=torque,

@@ -330,7 +330,7 @@ def bounds(subject: EffectSubject) -> None:
 
 
 def starting_values(subject: EffectSubject) -> None:
-    """Its starting values are complete, finite and within its bounds, for turning and sliding joints."""
+    """Its starting values are complete, finite and within its bounds, for turning and sliding joints and a pair."""
     effect = subject.effect
     if effect.scan is not None:
         names = tuple(parameter.name for parameter in effect.parameters)
@@ -347,7 +347,7 @@ def starting_values(subject: EffectSubject) -> None:
         raise CheckFailed("it has neither starting values nor a scan: a diagnosis would never try it")
     sliding = Scales(300.0, 500.0, 200.0, 400.0, 0.3, 0.1, 0.4, 1.2, 95.0, 200.0, 25.0, 1e-3, 1e-6, False, 2)
     tried = 0
-    for size in (subject.sizes, sliding):
+    for size in (subject.sizes, sliding, replace(subject.sizes, joints=2, coupled=True)):
         for values in effect.starts(size):
             tried += 1
             if len(values) != effect.size:
@@ -358,7 +358,7 @@ def starting_values(subject: EffectSubject) -> None:
                         f"{parameter.name} starts at {value:.4g}, outside {parameter.lower:g} .. {parameter.upper:g}"
                     )
     if not tried:
-        raise CheckFailed("it proposes no starting values, neither for one turning nor for two sliding joints")
+        raise CheckFailed("it proposes no starting values: not for a turning joint, two sliding ones or a planar pair")
 
 
 def dissipates(subject: EffectSubject) -> None:

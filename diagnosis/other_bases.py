@@ -11,13 +11,13 @@ from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of
 from diagnosis.nominal import HOPELESS, JointStructure, limits_settled, point_at, without_limits
 from diagnosis.problem import Problem
 from diagnosis.search import Scored, best_forms, law, score, try_all, unfitted
-from diagnosis.timing import timing_settled
+from diagnosis.timing import is_timed, timing_settled
 from diagnosis.turns import in_turns, to_errors, to_innovations
 from methods.effects.base import Effect
 from methods.parallel import each
 
-LARGER = (1.0, 3.0)
-"""Sizes, as multiples of the effect's own starting values, from which a fit by steps of its own begins."""
+STRONG = 3.0
+"""Size, as a multiple of the effect's own starting values, from which a fit by steps of its own begins."""
 DRY = "coulomb_friction"
 """The effect that the regression of the starting point knows."""
 DRAG = 0.02
@@ -49,8 +49,8 @@ def also_without_limits(
 def also_by_own_steps(
     problem: Problem, base: Fitted, candidates: Sequence[tuple[Effect, int]], ranked: list[Scored]
 ) -> list[Scored]:
-    """The hypotheses, those of one parameter as good as after first steps by the sensitivities of the base or by their
-    own.
+    """The hypotheses, those of one parameter in a motor as good as after first steps by the sensitivities of the base
+    or by their own, from a strong effect.
 
     A motor that loses most of its torque as it saturates is fitted without that as one with several times its inertia.
     From there the sensitivities of the base lead nowhere. Errors that no hypothesis brings down to noise
@@ -58,11 +58,10 @@ def also_by_own_steps(
     """
     sizes = sizes_of(problem, base)
     starts = [
-        Start(Hypothesis(effect, j), np.tile(larger * np.array(values, float), (problem.logs, 1)), 0.0)
+        Start(Hypothesis(effect, j), np.tile(STRONG * np.array(values, float), (problem.logs, 1)), 0.0)
         for effect, j in candidates
-        if effect.size == 1 and effect.starts is not None
+        if effect.stage == "motor" and effect.size == 1 and effect.starts is not None
         for values in effect.starts(sizes[j])
-        for larger in LARGER
     ]
 
     def found(start: Start) -> Scored:
@@ -130,7 +129,7 @@ def settled_anew(
     problem: Problem, structures: tuple[JointStructure, ...], base: Fitted, ranked: list[Scored]
 ) -> list[Scored]:
     """The hypotheses, those of different laws that compete for the first place with what the base may have settled
-    wrongly without them: whether a stated torque limit acts, and when commands do.
+    wrongly without them: whether a stated torque limit acts, and when commands do, unless their timing is free.
 
     A law that does no better than one that it contains has nothing to gain from it that this one has not.
     """
@@ -147,7 +146,7 @@ def settled_anew(
         fitted = scored.fitted
         if competes(scored, LIMITED):
             fitted = limits_settled(problem, fitted, structures)
-        if competes(scored, TIMED):
+        if competes(scored, TIMED) and not is_timed(fitted):
             fitted = timing_settled(problem, fitted)
         return scored if fitted is scored.fitted else scored.refitted(base, fitted)
 

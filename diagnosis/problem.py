@@ -522,4 +522,5 @@ def scales(problem: Problem, nominal: Array, torque: Array, joint: int) -> Scale
         encoder_step=problem.encoder_step,
         revolute=problem.revolute,
         joints=2 if problem.pair or len(problem.neighbour) else 1,
+        coupled=problem.pair,
     )

@@ -199,7 +199,8 @@ def met(
     A regression on what it would do to the prediction tells nothing there: the same blow a little later is another
     motion. Simulated with each of its starting values, and with a filter of its own, it shows at once.
     is_thorough: also begun with some of the damping behind the play and with less inertia, since a joint without a play
-    makes up for it by more; with all damping on the wrong side no play comes close.
+    makes up for it by more; with all damping on the wrong side no play comes close. Where none does so by itself, as
+    beside a winding's lag that stands for the play, those that come closest are fitted nevertheless.
     """
     if not effect.scatters or effect.starts is None:
         return []
@@ -215,12 +216,17 @@ def met(
     cost = price(problem, starts[0], base.samples)
     count, before = max(2, min(AT_ONCE, MEMORY // base.error.size)), float(np.sum(base.error[problem.used] ** 2))
     close: list[tuple[float, Start, Point]] = []
+    closest: list[tuple[float, Start, Point]] = []
     for first_one in range(0, len(points), count):
         part = slice(first_one, first_one + count)
         outcomes = list(zip(starts[part], points[part], errors(problem, points[part]), strict=True))
-        nearer = [item for item in outcomes if float(np.sum(item[2][problem.used] ** 2)) < before]
+        squares = [float(np.sum(error[problem.used] ** 2)) for _, _, error in outcomes]
+        nearer = [item for item, square in zip(outcomes, squares, strict=True) if square < before]
         close += each(lambda item: (unfitted(problem, base, *item[1:]).criterion, *item[:2]), nearer)
+        closest += [(square, *item[:2]) for item, square in zip(outcomes, squares, strict=True)]
     close = sorted((item for item in close if item[0] + cost < base.criterion), key=lambda item: item[0])[:MET]
+    if is_thorough and not close:
+        close = sorted(closest, key=lambda item: item[0])[:MET]
     fits = [(start, fit(problem, point, rounds=2, iterations=8)) for _, start, point in close]
     fits += [(start, free_of_filter(problem, point)) for _, start, point in close]
     return [min(fits, key=lambda item: item[1].criterion)] if fits else []
@@ -436,11 +442,12 @@ def off_limits(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitt
 
 
 def with_limiting_effects(problem: Problem, base: Fitted, ranked: Sequence[Scored]) -> list[Scored]:
-    """The hypotheses, best first, with what those stand for that the logs cannot show: the effect that one contains,
-    begun with what both describe, where it has not done as well by itself."""
+    """The hypotheses, best first, with what the best of them stand for that the logs cannot show: the effect that one
+    contains, begun with what both describe, where it has not done as well by itself."""
     every = {effect.name: effect for effect in problem.kernel.effects}
     best = {(s.name, s.start.hypothesis.joint): s for s in ranked}
-    for scored in ranked:
+    top = max((s.decrease for s in ranked), default=0.0)
+    for scored in (s for s in ranked if s.decrease > NEAR * top):
         inner = next((every[name] for name in scored.effect.includes if every[name].resolved is None), None)
         if inner is None or is_resolved(problem, scored):
             continue

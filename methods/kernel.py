@@ -108,7 +108,8 @@ LANE_ROWS = (
     *(f"FIRST_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
     *(f"SUM_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
     *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING", "HALF", "CONSTANT", "LATE"),
-    *("ERROR", "OUTER", "KNOWN", "RESIST", "PLACE", "ARM", "WEIGHT", "MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
+    *("TURNED", "ERROR", "OUTER", "KNOWN", "RESIST", "PLACE", "ARM", "WEIGHT"),
+    *("MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
     *("COMMAND", "READING", "BESIDE", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN"),
     *("FIRST_INERTIA", "CROSS", "SECOND_INERTIA", "COUPLED", "HUNG_SINE", "HUNG_COSINE"),
@@ -338,8 +339,8 @@ def _source(kernel: Kernel) -> str:
     loops: dict[str, list[str]] = {"gain": [], "torque": [], "arm": [], "friction": []}
     lanes = {
         "gain": "S[SUM_ + l] *= {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {p})",
-        "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], xs, {p})",
-        "arm": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[DQS_ + l], S[WS_ + l], xs, {p})",
+        "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
+        "arm": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
         "friction": "S[LEVEL_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {p})",
     }
     call = {
@@ -365,13 +366,14 @@ def _source(kernel: Kernel) -> str:
         calls[slot_of(effect)].append(f"    if on[{column}]:\n        {line}")
         if slot_of(effect) in lanes:
             own, places = f"p[l, {start}:{start + effect.size}]", range(start, start + effect.size)
-            line = lanes[slot_of(effect)].format(f=name, p=own)
+            seen = "_seen(S, l, xs, rigid)" if effect.has_neighbour else "xs"
+            line = lanes[slot_of(effect)].format(f=name, p=own, x=seen)
             loop = f"elif to[{column}]:\n            for l in range(since[{column}], to[{column}]):\n"
             loop += f"                if on[l, {column}]:\n"
             loop += " " * 20 + line
             if any(own in text for own in IN_LANES.values()):  # worth the machine code of a loop without branches
                 line = lanes[slot_of(effect)].format(
-                    f=name, p=f"({''.join(f'S[{lane_row(c)} + l], ' for c in places)})"
+                    f=name, p=f"({''.join(f'S[{lane_row(c)} + l], ' for c in places)})", x=seen
                 )
                 loop = (
                     f"if all_on[{column}]:\n            for l in range(LANES):\n                {line}\n        {loop}"
@@ -384,6 +386,8 @@ def _source(kernel: Kernel) -> str:
         template = template.replace(f"#any_{slot}#", any_of(columns))
     drawing = [c for c, e in enumerate(kernel.effects) if slot_of(e) == "command" and e.has_motor_torque]
     template = template.replace("#any_drawing#", any_of(drawing))
+    minding = [c for c, e in enumerate(kernel.effects) if e.has_neighbour]
+    template = template.replace("#any_minding#", any_of(minding))
     for slot, lines in loops.items():
         template = template.replace(f"#{slot}_lanes#", "\n        ".join(lines) or "pass")
     for symbol, array, count in (
@@ -606,6 +610,18 @@ def _weighing(on):
 def _drawing(on):
     """Whether any effect on the command depends on the current."""
     return #any_drawing#
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _minding(on):
+    """Whether any effect depends on another joint."""
+    return #any_minding#
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _commanding(on):
+    """Whether any effect is a law of the command."""
+    return #any_command#
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -952,6 +968,10 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
     beside (n,): what the laws of the motor's position add to it. extra, known (n,): torques from outside, on the motor
     and on its arm."""
     arm1, arm2 = 0.0, 0.0
+    if pair and (_minding(on[0]) or _minding(on[1])):
+        for j in range(2):  # each joint of a pair sees the other one as it is simulated
+            x[1 - j, 0], x[1 - j, 1] = 0.0, S[j, DQ]
+            x[1 - j, 2] = _motor(S[j, Q] + beside[j], S[j, DQ], S[j, W], S[j, HEAT], u[j], P[j], on[j])[0]
     for j in range(n):
         p = P[j]
         q, dq = S[j, Q], S[j, DQ]
@@ -981,9 +1001,18 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _smooths(p, on):
+    """Whether a winding's lag that is too short for a step (below zero) is that of a low-pass behind the laws of the
+    command, which take what is held as it is, and not a delay of the command itself."""
+    return p[ELECTRICAL] < 0.0 and _commanding(on) and not (LAG >= 0 and on[LAG])
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _lateness(p, on):
     """By how much the command is late [s]; a lag below zero stands for a delay."""
-    late = p[TIMING] - min(p[ELECTRICAL], 0.0)
+    late = p[TIMING]
+    if not _smooths(p, on):
+        late -= min(p[ELECTRICAL], 0.0)
     if DELAY >= 0 and on[DELAY]:
         late += p[DELAY_P]
     return late
@@ -991,10 +1020,11 @@ def _lateness(p, on):
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _amplifier(k, i, substeps, shift, hold, u, cumulative):
-    """Held command over substep i of sample k, late by `shift` samples: its mean, and how much the straight line with
-    the same first moment rises, so that angle and velocity are both right behind a jump."""
+    """Held command over substep i of sample k, late by `shift` samples: its mean, how much the straight line with the
+    same first moment rises, so that angle and velocity are both right behind a jump, and the share of the substep after
+    a jump from one held value to the next."""
     if shift == 0.0 and hold == 0:
-        return u[k], 0.0
+        return u[k], 0.0, 0.0
     a = k + i / substeps - shift
     b = a + 1.0 / substeps
     if hold == 0:  # two steps of the command at most, the second one over a share of the interval
@@ -1002,10 +1032,10 @@ def _amplifier(k, i, substeps, shift, hold, u, cumulative):
         first = u[min(max(int(place), 0), last)]
         share = (b - (place + 1.0)) * substeps
         if share <= 0.0:
-            return first, 0.0
+            return first, 0.0, 0.0
         jump = u[min(max(int(place) + 1, 0), last)] - first
-        return first + share * jump, 6.0 * share * (1.0 - share) * jump
-    return (_held(cumulative, u, b) - _held(cumulative, u, a)) * substeps, _rise(u, a, b)
+        return first + share * jump, 6.0 * share * (1.0 - share) * jump, min(share, 1.0)
+    return (_held(cumulative, u, b) - _held(cumulative, u, a)) * substeps, _rise(u, a, b), 0.0
 
 
 @njit(cache=True, error_model='numpy')
@@ -1087,20 +1117,25 @@ def _low_pass(v, rise, state, h, time_constant):
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _driven(k, i, substeps, dt, now, h, hold, u, cumulative, q, dq, w, lag, p, on, commands, euler):
     """Command behind the amplifier over substep i of sample k: mean, rise, and state of the low-pass at the end."""
-    v, rise = _amplifier(k, i, substeps, _lateness(p, on) / dt, hold, u, cumulative)
-    return _through(v, rise, now, h, q, dq, w, lag, p, on, commands, euler)
+    v, rise, share = _amplifier(k, i, substeps, _lateness(p, on) / dt, hold, u, cumulative)
+    return _through(v, rise, share, now, h, q, dq, w, lag, p, on, commands, euler)
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _through(v, rise, now, h, q, dq, w, lag, p, on, commands, euler):
-    """A command of mean v that rises over a step of h, behind the amplifier's effects: as `_driven`.
+def _through(v, rise, share, now, h, q, dq, w, lag, p, on, commands, euler):
+    """A command of mean v that rises over a step of h, or jumps with that share of it to come, behind the amplifier's
+    effects: as `_driven`.
 
     Without a lag between them the current that a supply gives way to is the one that the command draws at once.
     """
     if commands:
         base, half, high = v, 0.5 * rise, v
+        jump = rise / (6.0 * share * (1.0 - share)) if 0.0 < share < 1.0 else 0.0
+        count = 3 if rise != 0.0 else 1  # in the middle of the step, then at its ends
+        if jump != 0.0:  # before the jump, then after it
+            base, half, count = v - share * jump, jump, 2
         at_once = _drawing(on) and p[ELECTRICAL] <= 0.0 and not (LAG >= 0 and on[LAG])
-        for end in range(3 if rise != 0.0 else 1):  # in the middle of the step, then at its ends
+        for end in range(count):
             given = base + (half if end == 1 else (-half if end == 2 else 0.0))
             if at_once:
                 emf = p[BACK_EMF] * dq
@@ -1117,8 +1152,13 @@ def _through(v, rise, now, h, q, dq, w, lag, p, on, commands, euler):
                 high = through
             else:
                 rise = high - through
+        if jump != 0.0:
+            jump = high - v
+            v, rise = v + share * jump, 6.0 * share * (1.0 - share) * jump
     if LAG >= 0 and on[LAG]:
         v, rise, lag = _low_pass(v, rise, lag, h, p[LAG_P])
+    elif _smooths(p, on):
+        v, rise, lag = _low_pass(v, rise, lag, h, -p[ELECTRICAL])
     return v, 0.0 if euler else rise, lag
 
 
@@ -1392,6 +1432,16 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
         parted[l] = _flexible(on[l]) or _playing(on[l])
         S[PARTED_ + l], S[SPRING_ + l] = 1.0 * parted[l], 1.0 * (not _playing(on[l]))
     return springs, plays
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _seen(S, l, xs, rigid):
+    """What the joint of a lane sees of another one: of a pair the other joint's velocity and motor torque as they are
+    simulated, else what was measured."""
+    if rigid is None:
+        return xs
+    other = (l + HALF) % LANES
+    return 0.0, S[DQS_ + other], S[WS_ + other]
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1869,19 +1919,21 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                             rigid is not None and l == HALF):
                         late = S[LATE_ + l]
                         if rigid is not None and l >= HALF:
-                            mean, rise = _amplifier(k, i, substeps, late / dt, hold[1], u_other, cumulative_other)
+                            mean, rise, turned = _amplifier(k, i, substeps, late / dt, hold[1], u_other,
+                                                            cumulative_other)
                         else:
                             a, b = origin[l], origin[l] + ends_at[l]
-                            mean, rise = _amplifier(min(k, ends_at[l] - 1), i, substeps, late / dt, hold[0], u[a:b, 0],
-                                                    cumulative[a:b, 0])
+                            mean, rise, turned = _amplifier(min(k, ends_at[l] - 1), i, substeps, late / dt, hold[0],
+                                                            u[a:b, 0], cumulative[a:b, 0])
                     S[MEAN_ + l], S[RISE_ + l] = mean, 0.0 if euler and not altered else rise
+                    S[TURNED_ + l] = turned
                 for l in range(n if altered else 0):
                     if not (own[l, 0] or (LAG >= 0 and on[l, LAG])):
                         S[RISE_ + l] = 0.0 if euler else S[RISE_ + l]
                         continue
                     S[MEAN_ + l], S[RISE_ + l], S[LAG_ + l] = _through(
-                        S[MEAN_ + l], S[RISE_ + l], now, h, S[Q_ + l], S[DQ_ + l], S[W_ + l], S[LAG_ + l], p[l], on[l],
-                        own[l, 0], euler)
+                        S[MEAN_ + l], S[RISE_ + l], S[TURNED_ + l], now, h, S[Q_ + l], S[DQ_ + l], S[W_ + l],
+                        S[LAG_ + l], p[l], on[l], own[l, 0], euler)
             _copied(S, RESIST_, OUTER_, 1)
             if _bristled(any_on):
                 for l in range(n):

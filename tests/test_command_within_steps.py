@@ -84,3 +84,40 @@ def test_a_supply_gives_way_to_the_current_that_flows_behind_it() -> None:
     problem, point = inertia_with(command, expected, "zero_order", "supply_sag", gain)
     error = errors(problem, [point], leak=False)[0, :, 0]
     assert np.max(np.abs(error)) < 1e-6 * np.ptp(expected)
+
+
+LEVELS = np.repeat(np.random.default_rng(3).choice([-1.0, -0.3, 0.2, 1.0], 60), 5)
+LAWS = {
+    "voltage_saturation": (0.6, lambda u: np.clip(u, -0.6, 0.6)),
+    "dead_zone": (0.25, lambda u: np.sign(u) * np.maximum(np.abs(u) - 0.25, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("delay", [0.6e-3, 2.7e-3])
+def test_a_law_of_the_command_takes_both_levels_of_a_step_by_themselves(name: str, delay: float) -> None:
+    """What a limit leaves of a step's mean is not the mean of what it leaves of its two levels."""
+    value, law = LAWS[name]
+    expected = exact(law(LEVELS), False, delay)
+    problem, point = inertia_with(LEVELS, expected, "zero_order", "input_delay", delay)
+    point = extend(problem, point, Hypothesis(NAMED[name], 0), np.array([[value]]))
+    error = errors(problem, [point], leak=False)[0, :, 0]
+    assert np.max(np.abs(error)) < 1e-6 * np.ptp(expected)
+    assert np.array_equal(errors(problem, [point])[0], problem.reading - predicted_motion(problem, point)[:, :, 0])
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_short_lag_of_the_winding_is_behind_the_laws_of_the_command(name: str) -> None:
+    """Far shorter than a step it acts as a delay, but not of a command that a limit has yet to pass."""
+    (value, law), lag, fine = LAWS[name], 0.4e-3, DT / FINE
+    held = law(LEVELS)[(np.arange(FINE * (len(LEVELS) - 1)) // FINE)]
+    decay = np.exp(-fine / lag)
+    torque = lfilter([1.0 - decay], [1.0, -decay], held, zi=[decay * LEVELS[0]])[0]
+    velocity = np.concatenate([[0.0], np.cumsum(torque)]) * fine / INERTIA
+    way = np.cumsum(velocity[:-1] + 0.5 * torque * fine / INERTIA) * fine
+    expected = np.concatenate([[0.0], way[FINE - 1 :: FINE]])
+    problem, point = inertia_with(LEVELS, expected, "zero_order", name, value)
+    point.parameters[..., NOMINAL.index("electrical_time_constant")] = lag
+    error = errors(problem, [point], leak=False)[0, :, 0]
+    assert np.max(np.abs(error)) < 1e-4 * np.ptp(expected)
+    assert np.array_equal(errors(problem, [point])[0], problem.reading - predicted_motion(problem, point)[:, :, 0])

@@ -290,11 +290,8 @@ def with_effect(name: str, count: int, seed: int) -> tuple[np.ndarray, np.ndarra
     """Candidates that have nothing but one effect, each from another of its starting values."""
     parameters, switches, starts = candidates(count, seed, 0)
     effect = next(effect for effect in KERNEL.effects if effect.name == name)
-    values = (
-        list(effect.starts(SIZES))
-        if effect.starts
-        else [[0.3 * (1.0 if p.upper > 1.0 else p.upper) for p in effect.parameters]]
-    )
+    values = list(effect.starts(SIZES)) if effect.starts else []
+    values = values or [[0.3 * (1.0 if p.upper > 1.0 else p.upper) for p in effect.parameters]]
     for c in range(count):
         switches[c, 0, KERNEL.switches[name]] = True
         parameters[c, :, 0, KERNEL.own(effect)] = values[c % len(values)]

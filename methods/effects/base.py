@@ -17,8 +17,8 @@ structure  (none)                                               built into the k
 ========== ==================================================== =======================================
 
 ``t`` [s], ``q`` [rad or m], ``dq`` [rad/s or m/s], ``w`` motor torque [command unit], ``p`` the parameters of the
-effect
-in the order of the declaration, ``x`` = (acceleration, velocity, command) of the neighbouring joint.
+effect in the order of the declaration, ``x`` = (acceleration, velocity, command) of the neighbouring joint as measured;
+of a planar pair, whose joints are simulated together, (0, velocity, motor torque) of the other one.
 """
 
 from __future__ import annotations
@@ -72,6 +72,7 @@ class Scales:
 
     Everything is measured on the logs (nothing is tuned to a machine): command rms and peak, motor torque rms and peak
     [command unit]; position span, velocity rms and peak; nominal inertia and rate constants; duration and sample time.
+    joints: 2 where the logs tell of another one; coupled: whether both are simulated together as a planar pair.
     """
 
     command_rms: float
@@ -89,6 +90,7 @@ class Scales:
     encoder_step: float
     revolute: bool = True
     joints: int = 1
+    coupled: bool = False
 
 
 MOTOR_TORQUE = {"command": 4, "torque": 3, "friction": 3}

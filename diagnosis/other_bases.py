@@ -13,15 +13,18 @@ from diagnosis.problem import Problem
 from diagnosis.search import Scored, best_forms, law, score, try_all, unfitted
 from diagnosis.timing import is_timed, timing_settled
 from diagnosis.turns import in_turns, to_errors, to_innovations
-from methods.effects.base import Effect
+from envs.log import Array
+from methods.effects.base import Effect, Scales
 from methods.parallel import each
 
 STRONG = 3.0
 """Size, as a multiple of the effect's own starting values, from which a fit by steps of its own begins."""
 DRY = "coulomb_friction"
 """The effect that the regression of the starting point knows."""
+FALLING = "stribeck_friction"
+"""The one that it may stand for where joints stick and slip."""
 DRAG = 0.02
-"""Its torque as a share of the command's rms, from which it is tried as it was regressed."""
+"""Torque of dry friction as a share of the command's rms, from which both are tried as it was regressed."""
 HELD = 0.5
 """The same for torques of the place."""
 TIMED = 0.75
@@ -87,32 +90,42 @@ def also_from_regression(
     """
     if not ranked:
         return ranked
-    command = np.sqrt(np.mean(problem.command**2, axis=0))
-    starts: list[tuple[Point, Start]] = []
+    command, sizes = np.sqrt(np.mean(problem.command**2, axis=0)), sizes_of(problem, base)
+    starts: list[list[tuple[Point, Start]]] = []
     for effect in dict.fromkeys(effect for effect, _ in candidates):
-        if effect.name == DRY and ranked[0].label != DRY:
+        if effect.name in (DRY, FALLING) and ranked[0].label != DRY:
             point, friction, *_ = point_at(problem, structures)
-            values, is_felt = friction[:, None], friction > DRAG * command
+            values = [of_friction(effect, own, sizes[j]) for j, own in enumerate(friction)]
+            is_felt = friction > DRAG * command
         elif effect.is_linear_in_place:
-            point, _, values, change = point_at(problem, structures, effect)
-            is_felt = change > HELD * command
+            point, _, torques, change = point_at(problem, structures, effect)
+            values, is_felt = [[own] for own in torques], change > HELD * command
         else:
             continue
-        starts += [
-            (point, Start(Hypothesis(effect, j), np.tile(values[j], (problem.logs, 1)), 0.0))
-            for other, j in candidates
-            if other is effect and is_felt[j]
-        ]
+        for j in (j for other, j in candidates if other is effect and is_felt[j]):
+            alike = [Start(Hypothesis(effect, j), np.tile(own, (problem.logs, 1)), 0.0) for own in values[j]]
+            starts.append([(point, start) for start in alike])
     limit = ranked[0].fitted.criterion + base.samples * np.log(HOPELESS)
 
-    def carried_on(item: tuple[Point, Start]) -> Scored | None:
-        point, start = item
-        found = to_errors(problem, extend(problem, point, start.hypothesis, start.values))
+    def carried_on(items: list[tuple[Point, Start]]) -> Scored | None:
+        fits = [to_errors(problem, extend(problem, point, start.hypothesis, start.values)) for point, start in items]
+        found = min(fits, key=lambda fitted: float(np.sum(fitted.error[problem.used] ** 2)))
         if unfitted(problem, base, found.point, found.error).criterion > limit:
             return None
-        return score(problem, base, start, to_innovations(problem, found))
+        return score(problem, base, items[0][1], to_innovations(problem, found))
 
     return either(ranked, [scored for scored in each(carried_on, starts) if scored is not None])
+
+
+def of_friction(effect: Effect, friction: float, size: Scales) -> list[Array]:
+    """Parameters (size,) with which a law of dry friction of this strength begins: where joints stick and slip, many a
+    start leads astray."""
+    if effect.name == DRY or effect.starts is None:
+        return [np.array([friction])]
+    every, levels = [np.array(values, float) for values in effect.starts(size)], list(effect.amplitudes)
+    for values in every:
+        values[levels] *= friction / values[levels].sum()
+    return every
 
 
 def either(ranked: Sequence[Scored], others: Sequence[Scored]) -> list[Scored]:

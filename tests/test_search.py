@@ -1103,16 +1103,21 @@ def test_dry_friction_also_begins_from_the_regression() -> None:
         error = errors(problem, [off.at(vector)])[0]
         base = finish(problem, off.at(vector), error, whitener(problem, error))
         other = accepted(problem, base, first, [0.01]).scored
-        candidates = [(NAMED[name], 0) for name in (first, "coulomb_friction")]
+        candidates = [(NAMED[name], 0) for name in dict.fromkeys((first, "coulomb_friction", "stribeck_friction"))]
         ranked = also_from_regression(problem, structures, base, candidates, [other])
         assert other in ranked
         return ranked
 
-    (best, _) = found({"coulomb_friction": {"torque": 0.8}}, "amplifier_offset")
+    best = found({"coulomb_friction": {"torque": 0.8}}, "amplifier_offset")[0]
     assert best.name == "coulomb_friction"
     assert best.fitted.point.value("coulomb_friction.torque@0") == pytest.approx(0.8, rel=0.01)
     assert len(found({"coulomb_friction": {"torque": 0.8}}, "coulomb_friction")) == 1
     assert len(found({}, "amplifier_offset")) == 1
+    falling = {"torque": 0.5, "excess": 0.4, "velocity": 0.1, "exponent": 2.0}
+    best = found({"stribeck_friction": falling}, "amplifier_offset")[0]
+    assert best.name == "stribeck_friction"
+    values = {name: best.fitted.point.value(f"stribeck_friction.{name}@0") for name in falling}
+    assert values == pytest.approx(falling, rel=0.05)
 
 
 def swung(weight: float) -> Problem:

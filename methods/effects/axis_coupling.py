@@ -29,6 +29,7 @@ EFFECT = Effect(
     variable="another joint",
     source="Khalil and Dombre",
     amplitudes=(0, 1, 2),
+    excludes=("axis_coupling_in_a_pair",),
     starts=lambda s: [(0.01 * s.inertia, 0.01 * s.damping, 0.01)] if s.joints > 1 and not s.coupled else [],
     function=torque,
 )
@@ -50,6 +51,7 @@ IN_A_PAIR = replace(
     equation=r"\tau = c_v \dot q_k + c_\tau \tau_{m,k}",
     amplitudes=(0, 1),
     starts=lambda s: [(0.01 * s.damping, 0.01)] if s.coupled else [],
+    excludes=("axis_coupling",),
     function=torque_in_a_pair,
 )
 """The same for two joints that are simulated together."""

@@ -212,8 +212,10 @@ def continued(
 def quiet(
     problem: Problem, finding: Finding, effects: Sequence[Effect], settings: Settings, held_out: Problem | None
 ) -> Finding:
-    """The finding, with a jitter if there is one; only where nothing else is left."""
-    still = sum(r.excess for r in finding.remainders) == 0.0
+    """The finding, with a jitter if there is one; only where nothing else is left.
+
+    Noise that grows with the velocity lets any function explain a little."""
+    still = sum(r.excess for r in finding.remainders) <= allowance(finding.nominal, finding.final)
     return with_jitter(problem, finding, effects, settings, held_out) if still else finding
 
 

@@ -26,7 +26,7 @@ from diagnosis.choice import (
     textbook,
 )
 from diagnosis.competition import confirmed, in_other_terms, other_forms, simpler_rivals
-from diagnosis.engine import Fork, Path, Search, find, is_foreseen, with_jitter
+from diagnosis.engine import Fork, Path, Search, find, is_foreseen, quiet, with_jitter
 from diagnosis.estimation import Fitted, errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.finding import Accepted, Finding, near_equals, stood_for
 from diagnosis.first_fits import nearest, retuned
@@ -1454,6 +1454,18 @@ def test_no_jitter_is_read_off_where_small_causes_grow(monkeypatch: pytest.Monke
         finding = Finding("none", fitted, (), replace(fitted, point=point), (), ())
         found = with_jitter(problem, finding, EFFECTS, Settings())
         assert [item.label for item in found.accepted] == named
+
+
+def test_jitter_is_read_off_beside_what_noise_that_grows_lets_explain(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of({})
+    fitted = fit_nominal(problem, (JointStructure(),))
+    monkeypatch.setattr("diagnosis.engine.jitter", lambda *given: Jitter(0.1 * DT, 0.01 * DT, 1e4))
+    for more, named in ((3.0, ["timestamp_jitter"]), (1000.0, [])):
+        left = Remainder((), 13.0 + 4.0 * np.sqrt(20.0) + more, 10, 0.0, 0.0, 0.0)
+        assert left.excess == pytest.approx(more)
+        finding = Finding("none", fitted, (), fitted, (left,), (fitted,))
+        found = quiet(problem, finding, EFFECTS, Settings(), None)
+        assert [item.name for item in found.accepted] == named
 
 
 @pytest.mark.parametrize(

@@ -224,12 +224,13 @@ def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
     `most`.
 
     Where no single hypothesis brings errors in the whole band down to noise, a fit there may stop at any distance of
-    what the band of the motion shows at once.
+    what the band of the motion shows at once. When commands act shows in the whole band only.
     """
     problem = search.problem
     if not banded.accepted:
         return None
     base = in_turns(problem, free_of_filter(problem, banded.final.point))
+    base = timing_settled(problem, windings_settled(problem, base))
     if not cost(problem, base, banded.accepted) < most:
         return None
     accepted = tuple(

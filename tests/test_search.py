@@ -26,7 +26,7 @@ from diagnosis.choice import (
     textbook,
 )
 from diagnosis.competition import confirmed, in_other_terms, other_forms, simpler_rivals
-from diagnosis.engine import Fork, Path, Search, find, is_foreseen, quiet, with_jitter
+from diagnosis.engine import Fork, Path, Search, carried_over, find, is_foreseen, quiet, with_jitter
 from diagnosis.estimation import Fitted, errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.finding import Accepted, Finding, near_equals, stood_for
 from diagnosis.first_fits import nearest, retuned
@@ -1454,6 +1454,22 @@ def test_no_jitter_is_read_off_where_small_causes_grow(monkeypatch: pytest.Monke
         finding = Finding("none", fitted, (), replace(fitted, point=point), (), ())
         found = with_jitter(problem, finding, EFFECTS, Settings())
         assert [item.label for item in found.accepted] == named
+
+
+def test_what_the_band_of_the_motion_has_shown_is_carried_over_with_the_timing_of_the_whole_band() -> None:
+    """A reading that is logged beside the command that led to it: a band far below the rate does not tell."""
+    friction = {"coulomb_friction": {"torque": 0.3}}
+    logged = record(friction)
+    late = replace(logged, command=np.vstack([logged.command[:1], logged.command[:-1]]))
+    for log, shift in ((logged, 0.0), (late, -DT)):
+        problem, other = stack(KERNEL, [log], (1,)), problem_of(friction)
+        item = accepted(other, fit_nominal(other, (JointStructure(),)), "coulomb_friction", [0.3])
+        assert not is_timed(item.scored.fitted)
+        search = Search.begin(problem, (JointStructure(),), [item.effect], Settings(), lambda text: None)
+        finding = Finding("named", search.nominal, (item,), item.scored.fitted, (), ())
+        path = carried_over(search, finding, np.inf)
+        assert path is not None
+        assert path.base.point.parameters[0, 0, NOMINAL.index("timing")] == pytest.approx(shift, abs=0.02 * DT)
 
 
 def test_jitter_is_read_off_beside_what_noise_that_grows_lets_explain(monkeypatch: pytest.MonkeyPatch) -> None:

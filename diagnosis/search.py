@@ -330,7 +330,8 @@ def _converged(
     """The hypotheses in order of their evidence, the first ones fitted until they have converged.
 
     promised: by effect and joint the start that promises most in the filtered view; a first fit that stopped short of
-    its promise is carried on, and begun again from there where that does not help (`begun_again`).
+    its promise is carried on, and begun again from there where that does not help (`begun_again`). So is one that ended
+    worse than the base, as a fit to a part of the samples may: it says nothing of the hypothesis.
     known: sensitivities (K, T, n) of the base. look: a part of the samples that is enough to tell whether a hypothesis
     comes near the best one, if any; only those that do are fitted to all samples.
     """
@@ -362,7 +363,7 @@ def _converged(
     least, close = (share * max((s.decrease for s in order), default=0.0) for share in (CHANCE, CLOSE))
     final = each(continued, [s for s in order if hoped(s) >= least])
     short = CLOSE * max((s.decrease for s in final), default=0.0)
-    lost = [s for s in final if starts(s).promise > max(s.decrease, short)]
+    lost = [s for s in final if starts(s).promise > (max(s.decrease, short) if s.decrease >= 0.0 else least)]
     final += each(lambda s: begun_again(problem, base, starts(s)), lost)
     top = max((scored.decrease for scored in final), default=0.0)
     best_form = best_forms(final).values()

@@ -51,6 +51,7 @@ from diagnosis.replay import imitated_floor, noise_floor, replay, rms, transfer
 from diagnosis.search import (
     Ranked,
     Scored,
+    _converged,
     containing,
     exchanged,
     generalised,
@@ -1091,6 +1092,30 @@ def test_a_fit_that_ends_short_of_its_promise_is_begun_again(share: float, frict
     found = try_all(problem, base, [(NAMED["joint_flexibility"], 0)])[0]
     assert found.fitted.point.value("joint_flexibility.frequency@0") == pytest.approx(2.5, rel=0.02)
     assert found.fitted.point.value("joint_flexibility.inertia_ratio@0") == pytest.approx(share, rel=0.03)
+
+
+def test_a_fit_that_ended_worse_than_the_base_is_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It promised less than the leading law has come to, and is no worse a hypothesis for a fit that went astray."""
+    problem = problem_of({"amplifier_offset": {"voltage": 2e-2}})
+    base = fit_nominal(problem, (JointStructure(),))
+    good = accepted(problem, base, "amplifier_offset", [2e-2]).scored
+    leading = accepted(problem, base, "gravity_tilt", [0.0, 2e-2]).scored
+    point = good.fitted.point
+    point = point.at(point.vector * np.array([8.0 if f.name == "inertia@0" else 1.0 for f in point.free]))
+    error = errors(problem, [point])[0]
+    astray = finish(problem, point, error, whitener(problem, error))
+    lost = good.refitted(base, astray)
+    assert lost.decrease < 0.0 < leading.decrease
+    column = KERNEL.switches["amplifier_offset"]
+    monkeypatch.setattr(
+        "diagnosis.search.fit",
+        lambda problem, point, *given, **how: astray if point.switches[0, column] else leading.fitted,
+    )
+    for promise, is_begun_again in ((0.4, True), (0.05, False)):
+        start = replace(good.start, promise=promise * leading.decrease)
+        ranked = _converged(problem, base, [lost, leading], {("amplifier_offset", 0): start}, 3, base.jacobian, None)
+        (found,) = (scored for scored in ranked if scored.name == "amplifier_offset")
+        assert (found.decrease > 0.9 * good.decrease) == is_begun_again
 
 
 def test_dry_friction_also_begins_from_the_regression() -> None:

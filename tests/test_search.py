@@ -1107,6 +1107,7 @@ def test_a_fit_that_ended_worse_than_the_base_is_begun_again(monkeypatch: pytest
     lost = good.refitted(base, astray)
     assert lost.decrease < 0.0 < leading.decrease
     column = KERNEL.switches["amplifier_offset"]
+    monkeypatch.setattr("diagnosis.search.stuck", lambda problem, final: [])
     monkeypatch.setattr(
         "diagnosis.search.fit",
         lambda problem, point, *given, **how: astray if point.switches[0, column] else leading.fitted,

@@ -57,6 +57,7 @@ from diagnosis.search import (
     generalised,
     hypotheses_of,
     is_idle,
+    met,
     off_limits,
     price,
     try_all,
@@ -1092,6 +1093,16 @@ def test_a_fit_that_ends_short_of_its_promise_is_begun_again(share: float, frict
     found = try_all(problem, base, [(NAMED["joint_flexibility"], 0)])[0]
     assert found.fitted.point.value("joint_flexibility.frequency@0") == pytest.approx(2.5, rel=0.02)
     assert found.fitted.point.value("joint_flexibility.inertia_ratio@0") == pytest.approx(share, rel=0.03)
+
+
+def test_of_plays_that_all_stay_behind_the_base_the_closest_are_fitted_in_the_end() -> None:
+    problem = problem_of({})
+    base = fit_nominal(problem, (JointStructure(),))
+    play, size = NAMED["backlash_load_side"], sizes_of(problem, base)[0]
+    assert met(problem, base, play, 0, size) == []
+    ((start, fitted),) = met(problem, base, play, 0, size, is_thorough=True)
+    assert start.hypothesis.effect is play
+    assert fitted.criterion < base.criterion + 0.1 * abs(base.criterion)
 
 
 def test_a_fit_that_ended_worse_than_the_base_is_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:

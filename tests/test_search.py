@@ -62,6 +62,7 @@ from diagnosis.search import (
     price,
     try_all,
     unfitted,
+    with_limiting_effects,
 )
 from diagnosis.settings import Settings
 from diagnosis.timing import _timed, is_timed, timing_settled
@@ -1093,6 +1094,15 @@ def test_a_fit_that_ends_short_of_its_promise_is_begun_again(share: float, frict
     found = try_all(problem, base, [(NAMED["joint_flexibility"], 0)])[0]
     assert found.fitted.point.value("joint_flexibility.frequency@0") == pytest.approx(2.5, rel=0.02)
     assert found.fitted.point.value("joint_flexibility.inertia_ratio@0") == pytest.approx(share, rel=0.03)
+
+
+def test_only_what_near_equals_of_the_best_hypothesis_stand_for_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("diagnosis.search.is_resolved", lambda problem, scored: False)
+    monkeypatch.setattr("diagnosis.search.simpler", lambda problem, base, whole, inner: scored(inner.name, 90.0))
+    problem, first = problem_of({}), scored("rounded_coulomb_friction", 100.0)
+    for decrease, limits in ((95.0, {"coulomb_friction", "amplifier_offset"}), (50.0, {"coulomb_friction"})):
+        found = with_limiting_effects(problem, None, [first, scored("cable_spring", decrease)])  # type: ignore[arg-type]
+        assert {s.name for s in found} == {"rounded_coulomb_friction", "cable_spring"} | limits
 
 
 def test_of_plays_that_all_stay_behind_the_base_the_closest_are_fitted_in_the_end() -> None:

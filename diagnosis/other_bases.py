@@ -91,11 +91,11 @@ def also_from_regression(
     if not ranked:
         return ranked
     command, sizes = np.sqrt(np.mean(problem.command**2, axis=0)), sizes_of(problem, base)
-    starts: list[list[tuple[Point, Start]]] = []
+    dry, friction, *_ = point_at(problem, structures)
+    starts: list[tuple[Point, list[Start]]] = []
     for effect in dict.fromkeys(effect for effect, _ in candidates):
         if effect.name in (DRY, FALLING) and ranked[0].label != DRY:
-            point, friction, *_ = point_at(problem, structures)
-            values = [of_friction(effect, own, sizes[j]) for j, own in enumerate(friction)]
+            point, values = dry, [of_friction(effect, own, sizes[j]) for j, own in enumerate(friction)]
             is_felt = friction > DRAG * command
         elif effect.is_linear_in_place:
             point, _, torques, change = point_at(problem, structures, effect)
@@ -104,15 +104,16 @@ def also_from_regression(
             continue
         for j in (j for other, j in candidates if other is effect and is_felt[j]):
             alike = [Start(Hypothesis(effect, j), np.tile(own, (problem.logs, 1)), 0.0) for own in values[j]]
-            starts.append([(point, start) for start in alike])
+            starts.append((point, alike))
     limit = ranked[0].fitted.criterion + base.samples * np.log(HOPELESS)
 
-    def carried_on(items: list[tuple[Point, Start]]) -> Scored | None:
-        fits = [to_errors(problem, extend(problem, point, start.hypothesis, start.values)) for point, start in items]
+    def carried_on(item: tuple[Point, list[Start]]) -> Scored | None:
+        point, alike = item
+        fits = [to_errors(problem, extend(problem, point, start.hypothesis, start.values)) for start in alike]
         found = min(fits, key=lambda fitted: float(np.sum(fitted.error[problem.used] ** 2)))
         if unfitted(problem, base, found.point, found.error).criterion > limit:
             return None
-        return score(problem, base, items[0][1], to_innovations(problem, found))
+        return score(problem, base, alike[0], to_innovations(problem, found))
 
     return either(ranked, [scored for scored in each(carried_on, starts) if scored is not None])
 

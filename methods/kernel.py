@@ -594,7 +594,7 @@ def _rise(u, a, b):
 @njit(cache=True, error_model='numpy')
 def _present(on, has):
     """Which slots have any effect: command, gain, torque, friction."""
-    has[0] = #any_command#
+    has[0] = _commanding(on)
     has[1] = #any_gain#
     has[2] = #any_torque# or _weighing(on)
     has[3] = #any_friction#
@@ -1019,6 +1019,13 @@ def _lateness(p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _rising(share, jump):
+    """How much the straight line rises that has the mean and the first moment of a jump with that share of a step to
+    come."""
+    return 6.0 * share * (1.0 - share) * jump
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _amplifier(k, i, substeps, shift, hold, u, cumulative):
     """Held command over substep i of sample k, late by `shift` samples: its mean, how much the straight line with the
     same first moment rises, so that angle and velocity are both right behind a jump, and the share of the substep after
@@ -1034,7 +1041,7 @@ def _amplifier(k, i, substeps, shift, hold, u, cumulative):
         if share <= 0.0:
             return first, 0.0, 0.0
         jump = u[min(max(int(place) + 1, 0), last)] - first
-        return first + share * jump, 6.0 * share * (1.0 - share) * jump, min(share, 1.0)
+        return first + share * jump, _rising(share, jump), min(share, 1.0)
     return (_held(cumulative, u, b) - _held(cumulative, u, a)) * substeps, _rise(u, a, b), 0.0
 
 
@@ -1130,7 +1137,7 @@ def _through(v, rise, share, now, h, q, dq, w, lag, p, on, commands, euler):
     """
     if commands:
         base, half, high = v, 0.5 * rise, v
-        jump = rise / (6.0 * share * (1.0 - share)) if 0.0 < share < 1.0 else 0.0
+        jump = rise / _rising(share, 1.0) if 0.0 < share < 1.0 else 0.0
         count = 3 if rise != 0.0 else 1  # in the middle of the step, then at its ends
         if jump != 0.0:  # before the jump, then after it
             base, half, count = v - share * jump, jump, 2
@@ -1154,7 +1161,7 @@ def _through(v, rise, share, now, h, q, dq, w, lag, p, on, commands, euler):
                 rise = high - through
         if jump != 0.0:
             jump = high - v
-            v, rise = v + share * jump, 6.0 * share * (1.0 - share) * jump
+            v, rise = v + share * jump, _rising(share, jump)
     if LAG >= 0 and on[LAG]:
         v, rise, lag = _low_pass(v, rise, lag, h, p[LAG_P])
     elif _smooths(p, on):

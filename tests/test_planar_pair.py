@@ -28,15 +28,12 @@ DT, STEP, BURN_IN = 1e-3, 1e-6, 0.3
 FIRST = {"inertia": 0.03, "viscous": 0.02, "back_emf": 0.3}
 SECOND = {"inertia": 0.02, "viscous": 0.02, "back_emf": 0.1}
 COUPLING = PlanarCoupling(0.01, 1.25, 0.012)
-
-
 COUPLED = {"velocity": 0.01, "motor_torque": 0.15}
 
 
 def pair_with(effects: Mapping[str, Mapping[str, float]] | None = None, **frictions: float) -> StructuredModel:
-    own = {name: {"torque": value} for name, value in frictions.items()} | {
-        n: dict(v) for n, v in (effects or {}).items()
-    }
+    own = {name: {"torque": value} for name, value in frictions.items()}
+    own |= {name: dict(values) for name, values in (effects or {}).items()}
     first = StructuredJoint(1, "voltage", FIRST, own)
     return StructuredModel((first, StructuredJoint(2, "voltage", SECOND, {})), DT, COUPLING, EFFECTS)
 

@@ -18,6 +18,8 @@ HEADLINE = {
     "load_dependent_friction": "of {coefficient} times the torque",
 }
 """How strong an effect is, in its parameters; others are as strong as their first one says."""
+BY_THEMSELVES = {"axis_coupling"}
+"""Effects each of whose parameters is a strength by itself: the one that stands out most says how strong they are."""
 WITHOUT_VOLTAGE = {"thermal_drift": "to 1/(1 + {resistance_rise}) of the cold torque"}
 """The same on drives whose current does not depend on the resistance: what falls there is the torque of the command."""
 ABOVE = 2.0
@@ -29,7 +31,10 @@ ARM = re.compile(r"arm(_shape_\d+)?")
 def describe(effect: NamedEffect, command_unit: str = "V") -> str:
     """An effect with the parameters that say how strong it is: ``Coulomb friction of 6.9 ± 0.1 N m``."""
     named = {p.name: rounded(p.physical) for p in effect.parameters}
-    plainly = f"of {next(iter(named.values()))}"
+    first = effect.parameters[0]
+    if effect.name in BY_THEMSELVES:
+        first = max(effect.parameters, key=lambda p: abs(p.physical.value) / max(p.physical.std, 1e-300))
+    plainly = f"of {named[first.name]}"
     own = HEADLINE if command_unit == "V" else HEADLINE | WITHOUT_VOLTAGE
     return f"{title(effect.name)} {own.get(effect.name, plainly).format(**named)}"
 

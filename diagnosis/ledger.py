@@ -59,6 +59,11 @@ CERTAIN = 1e-12
 """Share of a covariance that makes a model as good as certain."""
 CHANCE = 1e-4
 """Probability of a larger error by chance alone, where windows are few."""
+GROWN = 10.0
+"""How many times more a torque as small as the noise moves a joint in some windows than in the median one, from which
+small causes count as growing."""
+FAINT = (1e-3, 0.1)
+"""Shares of the input-equivalent residual: with which that is tried first, and at most."""
 DISTINCT = 1.05
 """The refitted nominal model has to err by this factor more than noise alone; otherwise there is no gap to explain."""
 
@@ -137,15 +142,16 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
     effects leave of the nominal model's error only in the third digit, or in the second where no reading shows it, is
     no failure of theirs. Events need not happen in another log, and states that a log does not show may be others at
     its beginning. Where small causes grow, a free simulation soon goes another way than the joint, and a model that
-    stays in the middle errs less; there the prediction from one reading to the next has to be worse, too. A model that
-    is so uncertain that noise accounts for its errors still has to explain more of the nominal one's than it leaves.
+    stays in the middle errs less; there the prediction from one reading to the next has to be worse, too, and the
+    typical window decides whether the model errs by more than noise. A model that is so uncertain that noise accounts
+    for its errors still has to explain more of the nominal one's than it leaves.
     """
     if finding.verdict == "unknown":
         return {}
     elsewhere = any(item.effect.scan == "event" or item.effect.remembers for item in finding.accepted)
     nominal = next(step for step in found if step.role == "nominal")
     width, failing = window_width(WINDOW, held_out.sample_time), {}
-    rough = any(item.effect.scatters for item in finding.accepted)
+    scatters = any(item.effect.scatters for item in finding.accepted)
     predicts = cache(lambda: deviance(held_out, finding.final) < deviance(held_out, finding.nominal))
     doubted = cache(lambda: doubt(held_out, found[-1]))
     floors = cache(  # by the share of the covariance that a model may be off
@@ -166,17 +172,21 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
         most = max(BEYOND**2, chi2.isf(CHANCE, count) / count)
         floor = float(np.hypot(floor_of(problem, held_out, finding, j), doubted()[j]))
         times = np.sqrt(after) / floor
+        typical = [float(np.median(squares)) for squares in blocks]
+        grows = cache(lambda j=j, floor=floor: grown(held_out, found[-1], j, floor) > GROWN * floor)
         exceeds = not elsewhere and times**2 > most
         if exceeds and finding.band is None:  # dry friction, coupling and uncertainty make more of the noise
             unsure = doubted()[j] ** 2 + max(faster(problem, held_out, finding, j), 0.0)
             exceeds = after > most * (floors(1.0)[j] ** 2 + unsure)
+        exceeds = exceeds and not (grows() and not is_unearned(typical[0], typical[1], floor))
         if exceeds:
             failing[j] = Failure(float(times), noise=True)
-        elif (after > WORSE**2 * before and not (rough and predicts())) or (
-            not (elsewhere or rough)
+        elif (after > WORSE**2 * before and not ((scatters or grows()) and predicts())) or (
+            not (elsewhere or scatters)
             and any(item.joint == j for item in finding.accepted)
             and is_unearned(before, after, floor)
             and is_unearned(before, after, float(floors(CERTAIN)[j]))
+            and not grows()
         ):
             failing[j] = Failure(float(np.sqrt(after / before)), noise=False)
     return failing
@@ -192,6 +202,27 @@ def doubt(held_out: Problem, step: Step) -> Array:
         moved = replay(replace(held_out, neighbour=near), step.point, WINDOW)
         squares.append(np.nanmean((moved.windows - step.replay.windows) ** 2, axis=0))
     return np.asarray(np.sqrt(np.sum(squares, axis=0) / max(len(squares) - 1, 1)))
+
+
+def grown(held_out: Problem, step: Step, j: int, floor: float) -> float:
+    """Window error of joint index j that a constant torque makes which in the median window makes only the noise floor.
+
+    Where a joint that is almost at rest stops or does not by the least torque, single windows err a thousand times more
+    than the others, and a mean square over few of them says little.
+    """
+    residual = rms(input_equivalent(held_out, step.point, step.replay.prediction)[held_out.used, j])
+    width, only = window_width(WINDOW, held_out.sample_time), np.arange(held_out.joints) == j
+
+    def moved(torque: float) -> Array:
+        return replay(replace(held_out, command=held_out.command + torque * only), step.point, WINDOW).windows[:, j]
+
+    def change(torque: float) -> Array:
+        return in_blocks(moved(torque) - moved(0.0), held_out.bounds, width)
+
+    first, most = (share * residual for share in FAINT)
+    typical = float(np.sqrt(np.median(change(first))))
+    torque = min(first * floor / max(typical, 1e-300), most)
+    return float(np.sqrt(np.mean(np.maximum(change(torque), change(-torque)))))
 
 
 def is_unearned(before: float, after: float, floor: float) -> bool:

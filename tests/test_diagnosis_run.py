@@ -6,6 +6,7 @@ import json
 import sys
 import time
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,10 +18,11 @@ import pytest
 from scipy.signal import lfilter
 
 import adeptone
+from diagnosis import ledger
 from diagnosis.beginning import started, with_phases
-from diagnosis.estimation import covariance, errors, fit
+from diagnosis.estimation import Point, covariance, errors, fit
 from diagnosis.hypotheses import Hypothesis, extend
-from diagnosis.ledger import closed, failures, floor_of
+from diagnosis.ledger import closed, failures, floor_of, grown
 from diagnosis.nominal import COLUMN, Gravity, JointStructure, fit_nominal
 from diagnosis.output import to_json
 from diagnosis.parameters import HEAT, REFERENCE, canonical, heat
@@ -34,8 +36,8 @@ from diagnosis.preparation import (
     moving_joints,
     structure,
 )
-from diagnosis.problem import DIVERGED, stack
-from diagnosis.replay import replay, rms, transfer
+from diagnosis.problem import DIVERGED, Problem, stack
+from diagnosis.replay import WINDOW, Replay, replay, rms, transfer
 from diagnosis.result import (
     Diagnosis,
     Estimate,
@@ -792,6 +794,40 @@ def test_where_small_causes_grow_the_prediction_has_to_be_worse_too() -> None:
     assert not failures(solved.problem, solved.held_out, rough, [better, after])
     worse = replace(rough, final=rough.nominal, nominal=rough.final)
     assert failures(solved.problem, solved.held_out, worse, [better, after])
+
+
+def test_where_single_windows_go_astray_by_the_least_torque_the_typical_one_decides() -> None:
+    """A joint that is almost at rest stops or does not: a mean square over few windows says little then."""
+    solved = solved_of(read_of(model_of(FRICTION)), "coulomb_friction")
+    held_out, (nominal, after) = solved.held_out, solved.ledger[-2:]
+    floor = floor_of(solved.problem, held_out, solved.finding, 0)
+    windows = (held_out.time // WINDOW)[:, None]
+
+    def responding(astray: Array) -> Callable[..., Replay]:
+        def moved(problem: Problem, point: Point, window: float) -> Replay:
+            torque = problem.command - held_out.command
+            far = after.replay.windows + np.where(np.isin(windows, astray), 1e3, 1.0) * torque
+            return replace(after.replay, windows=far)
+
+        return moved
+
+    def failing(typical: float, astray: Array) -> dict[int, Failure]:
+        error = np.where(windows == 4, 100.0, typical) * floor
+        steps = [
+            replace(step, replay=replace(step.replay, windows=np.where(np.isnan(step.replay.windows), np.nan, left)))
+            for step, left in ((nominal, np.full_like(error, 60.0 * floor)), (after, error))
+        ]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(ledger, "replay", responding(astray))
+            return failures(replace(solved.problem, encoder_step=0.0), held_out, solved.finding, steps)
+
+    nowhere, somewhere = np.array([]), np.array([4, 6])
+    assert failing(4.0, nowhere) == {0: Failure(pytest.approx(100.0 / np.sqrt(7.0), rel=0.1), noise=True)}
+    assert not failing(4.0, somewhere)
+    assert failing(50.0, somewhere)  # the typical window, too, errs nearly as the nominal model does
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ledger, "replay", responding(somewhere))
+        assert grown(held_out, after, 0, floor) == pytest.approx(1e3 * floor * np.sqrt(2.0 / 7.0), rel=0.05)
 
 
 def test_errors_that_no_reading_shows_are_no_failure() -> None:

@@ -106,8 +106,10 @@ class Start:
 
 
 def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array) -> Point:
-    """The model with one more effect; values (L, size)."""
+    """The model with one more effect, or with other values of one that it has; values (L, size)."""
     effect, j = hypothesis.effect, hypothesis.joint
+    if point.switches[j, problem.kernel.switches[effect.name]]:
+        point = withdraw(problem, point, effect.name, j)
     offset = problem.kernel.offsets[effect.name]
     parameters, switches = point.parameters.copy(), point.switches.copy()
     if effect.scatters or scatters(problem, point, j):

@@ -19,7 +19,7 @@ from diagnosis.other_bases import DRY
 from diagnosis.problem import Problem
 from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainders
-from diagnosis.replay import WINDOW, replay, rms
+from diagnosis.replay import WINDOW, replay
 from diagnosis.search import Ranked, containing, generalised, is_resolved, score, within
 from diagnosis.settings import Settings
 from diagnosis.whitening import on_logs
@@ -225,9 +225,11 @@ def general(
     A small one beside others counts as weak whatever its evidence: where small causes grow, or a law beside it is
     inexact, any law that shapes the fitted motion a little finds some. So does one beside torques of the rest of an
     arm, which are as inexact as the measured motion: it also has to bring free simulations closer, unless without it a
-    stated number would be wrong beyond what it costs. What it gains has to be of the motion, too.
+    stated number would be wrong beyond what it costs. What it gains has to be of the motion, too, and more than a trace
+    of the nominal model's errors.
     """
-    small = settings.doubtful * (nominal.criterion - base.criterion)
+    explained = nominal.criterion - base.criterion
+    small = settings.doubtful * explained
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
         is_weak = item.scored.evidence <= settings.weak
         is_sure = not is_weak and problem.arm is None
@@ -236,11 +238,12 @@ def general(
         smaller = without(problem, base, item)
         if len(accepted) == 1:
             smaller = min(smaller, nominal, key=lambda option: option.criterion)
-        if is_sure and smaller.criterion - base.criterion > small:
+        loss = smaller.criterion - base.criterion
+        if is_sure and loss > small:
             continue
         there, less = elsewhere(held_out, base), elsewhere(held_out, smaller)
         shows = (
-            smaller.criterion - base.criterion > item.scored.price
+            loss > item.scored.price
             and (not is_weak or happens(held_out, there.point, item.effect, item.joint))
             and not misfit(less) < misfit(there)
             and (
@@ -249,6 +252,12 @@ def general(
                 or is_closer(held_out, item.effect, there, less)
             )
             and is_of_motion(problem, base, smaller)
+            and (
+                len(accepted) < 2
+                or item.effect.scan == "event"
+                or loss > settings.unexplained * explained
+                or moved_by(held_out, elsewhere(held_out, nominal), there, less) > settings.trace
+            )
         )
         if not shows:
             accepted, base = [other for other in accepted if other is not item], smaller
@@ -268,12 +277,19 @@ def is_closer(held_out: Problem, effect: Effect, there: Fitted, less: Fitted) ->
     A spring or a play filters what the rest of the arm does to a motor, and makes up for what that is measured with; it
     has to bring them clearly closer.
     """
-    return astray(held_out, there) < (CLEARLY if effect.parts_the_arm else 1.0) * astray(held_out, less)
+    return bool(np.all(astray(held_out, there) < (CLEARLY if effect.parts_the_arm else 1.0) * astray(held_out, less)))
 
 
-def astray(held_out: Problem, there: Fitted) -> float:
-    """Rms by which free simulations of a single joint go astray within a window on other logs."""
-    return rms(replay(held_out, there.point, WINDOW).windows)
+def astray(held_out: Problem, there: Fitted) -> Array:
+    """Rms (n,) by which free simulations of each joint go astray within a window on other logs."""
+    return np.asarray(np.sqrt(np.nanmean(replay(held_out, there.point, WINDOW).windows ** 2, axis=0)))
+
+
+def moved_by(held_out: Problem, nominal: Fitted, there: Fitted, less: Fitted) -> float:
+    """Share of the nominal model's errors in free simulation that an effect accounts for, at the joint where it is
+    most. there, less: the model with it and without."""
+    before, after, without_it = (astray(held_out, own) for own in (nominal, there, less))
+    return float(np.max(np.sqrt(np.maximum(without_it**2 - after**2, 0.0)) / np.maximum(before, 1e-300)))
 
 
 def deviance(held_out: Problem, fitted: Fitted) -> float:

@@ -24,7 +24,9 @@ class Settings:
     in the band of the motion, where the whole band has left something unexplained.
     minor: share of all that was explained below which a further effect, or a drift of a parameter that is not
     `relevant` either, is taken for an inexact law of another.
-    doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`.
+    doubtful: the same while something else stays unexplained. unexplained: share that makes a verdict `unknown`. trace:
+    share of the nominal model's error in free simulation of logs that nobody fitted below which a further effect that
+    explains less than that share is taken for an inexact law, too.
     disturbance: unlogged torque, as a share of the motor torque, that does so too, unless it
     stays below `amplifier` times the largest command: amplifiers are that noisy. jitter: least jitter of the sampling
     instants as a share of the interval. patched: evidence of what was refused for its size, as a share of what was
@@ -47,6 +49,7 @@ class Settings:
     minor: float = 0.005
     doubtful: float = 0.15
     unexplained: float = 0.03
+    trace: float = 0.005
     disturbance: float = 0.03
     amplifier: float = 1.5e-3
     jitter: float = 0.002

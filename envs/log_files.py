@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import tempfile
 import tomllib
 from collections import defaultdict
@@ -213,7 +214,8 @@ def assemble(
     check_facts(columns, stated, joints, facts_file)
     time, findings = from_epoch(table.numbers("t"))
     joint_facts = tuple(
-        facts_of(joint, found[joint], (for_all, stated.get(str(joint), {})), whole, facts_file) for joint in joints
+        facts_of(joint, found[joint], (own, stated.get(str(joint), {})), whole, facts_file)
+        for joint, own in zip(joints, for_each(for_all, joints, facts_file), strict=True)
     )
 
     def stack(names: list[str]) -> Array:
@@ -272,6 +274,21 @@ def from_epoch(time: Array) -> tuple[Array, list[Finding]]:
     return time, []
 
 
+def for_each(entries: Mapping[str, Any], joints: Sequence[int], facts_file: str) -> list[dict[str, Any]]:
+    """Facts stated above all tables, joint by joint: one value holds for all of them, a list has one for each."""
+    for name, value in entries.items():
+        if isinstance(value, list) and len(value) != len(joints):
+            raise LogError(
+                f"{name} has {len(value)} values, and the log {len(joints)} joints ({', '.join(map(str, joints))})",
+                remedy="Give one value, or one per joint in their order",
+                source=facts_file,
+            )
+    return [
+        {name: value[i] if isinstance(value, list) else value for name, value in entries.items()}
+        for i in range(len(joints))
+    ]
+
+
 def facts_of(
     joint: int, prefixes: set[str], entries: Sequence[Mapping[str, Any]], table: Table, facts_file: str
 ) -> JointFacts:
@@ -306,6 +323,8 @@ def facts_of(
             )
         stated["input"] = COMMAND_PREFIX[commands[0]]
     for key, allowed in CHOICES.items():
+        if isinstance(stated.get(key), str):
+            stated[key] = "_".join(re.split(r"[\s_-]+", stated[key].strip().lower()))
         if key in stated and stated[key] not in allowed:
             raise LogError(
                 f"{key} = {stated[key]!r} of [joints.{joint}] is unknown",

@@ -328,6 +328,9 @@ def test_wrong_column_maps(entry: str, complaint: str, tmp_path: Path) -> None:
         ('loop = "ajar"', "loop = 'ajar' is unknown"),
         ("joints = 3", "joints is not a table"),
         ("[joints]\n1 = 3", "joints.1 is not a table"),
+        ("encoder_step = [0.1, 0.2]", "encoder_step has 2 values, and the log 1 joints (1)"),
+        ('encoder_step = ["fine"]', "encoder_step = 'fine' of [joints.1] is not a positive number"),
+        ('position_unit = ["m", "m"]', "position_unit"),
         ("[joints.1]\nspeed = 3", "unknown entry speed"),
         ('[joints.1]\ninput = "pressure"', "input = 'pressure'"),
         ("[joints.1]\nencoder_step = -1", "not a positive number"),
@@ -350,7 +353,7 @@ def test_facts_for_all_joints_stand_above_those_of_one(tmp_path: Path) -> None:
     two = {**motion, "v2": motion["v1"], "q2": motion["q1"]}
     path = write_csv(tmp_path / "log.csv", two)
     (tmp_path / "log.toml").write_text(
-        'rig = "bench 3"\nencoder_counts_per_rev = 4096\nhold = "first_order"\n[joints.2]\nencoder_step = 0.01\n'
+        'rig = "bench 3"\nencoder_counts_per_rev = 4096\nhold = "First-Order"\n[joints.2]\nencoder_step = 0.01\n'
     )
     log, found = load_with_findings(path)
     assert [fact.encoder_step for fact in log.facts] == [2.0 * np.pi / 4096, 0.01]
@@ -358,6 +361,13 @@ def test_facts_for_all_joints_stand_above_those_of_one(tmp_path: Path) -> None:
     assert [item.text for item in found if item.kind == "entry_not_read"] == [
         "rig of log.toml is not an entry of a sidecar; it was not read"
     ]
+
+
+def test_facts_of_all_joints_may_be_a_list(tmp_path: Path) -> None:
+    motion = swing()
+    path = write_csv(tmp_path / "log.csv", {**motion, "v3": motion["v1"], "q3": motion["q1"]})
+    (tmp_path / "log.toml").write_text('encoder_step = [0.01, 0.02]\nhold = "zero-order"\n')
+    assert [fact.encoder_step for fact in load(path).facts] == [0.01, 0.02]
 
 
 def test_a_folder_is_no_column_map(tmp_path: Path) -> None:

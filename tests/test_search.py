@@ -1789,6 +1789,33 @@ def test_a_small_effect_beside_a_large_one_has_to_show_where_nobody_fitted() -> 
     assert general(problem, held_out, nominal, [large, small], small.scored.fitted, no_small)[0] == [large, small]
 
 
+@pytest.mark.parametrize(
+    ("drag", "share", "kept"), [(0.1, 0.03, False), (0.25, 0.03, True), (1, 1, False), (3, 1, True)]
+)
+def test_a_trace_of_an_effect_beside_a_large_one_is_put_down_to_its_law(drag: float, share: float, kept: bool) -> None:
+    """However much it shows in data that nobody fitted, unless it explains a share: no law is that exact."""
+    hidden = {"coulomb_friction": {"torque": 0.3}, "quadratic_drag": {"coefficient": drag * WEAK}}
+    noise = lambda seed: 1e-5 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    problem, held_out = (stack(KERNEL, [record(hidden, noise(seed))], (1,)) for seed in (1, 2))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    large = accepted(problem, nominal, "coulomb_friction", [0.3])
+    small = accepted(problem, large.scored.fitted, "quadratic_drag", [drag * WEAK])
+    assert small.scored.evidence > 2.0 * Settings().weak
+    settings = replace(Settings(), doubtful=1.0, unexplained=share)
+    found = general(problem, held_out, nominal, [large, small], small.scored.fitted, settings)[0]
+    assert found == ([large, small] if kept else [large])
+
+
+def test_an_effect_that_it_has_gets_other_values() -> None:
+    """Not the same parameters twice: those that nothing depends on would be determined by nothing."""
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000))
+    point, friction = fit_nominal(problem, (JointStructure(),)).point, Hypothesis(NAMED["coulomb_friction"], 0)
+    once = extend(problem, point, friction, np.array([[0.1]]))
+    again = extend(problem, once, friction, np.array([[0.3]]))
+    assert [f.name for f in again.free] == [f.name for f in once.free]
+    assert again.values["coulomb_friction.torque@0"] == 0.3
+
+
 def test_an_effect_that_does_not_pay_beside_the_others_is_dropped_whatever_other_logs_say() -> None:
     """A fit that has stopped short may lean on it however far its amplitude stands out of its deviation."""
     noise = lambda seed: 1e-3 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731

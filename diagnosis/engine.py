@@ -36,7 +36,7 @@ from diagnosis.competition import (
 from diagnosis.estimation import Fitted, fit, scatters
 from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, stood_for
 from diagnosis.following import following_settled
-from diagnosis.hopping import Optimum, hopped
+from diagnosis.hopping import Optimum, hopped, with_laws
 from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.imitation import imitating
 from diagnosis.jitter import Jitter, jitter
@@ -233,12 +233,18 @@ def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
     base = timing_settled(problem, windings_settled(problem, base))
     if not cost(problem, base, banded.accepted) < most:
         return None
-    accepted = tuple(
-        replace(item, scored=item.scored.refitted(without(problem, base, item), base)) for item in banded.accepted
-    )
+    accepted = tuple(scored_anew(problem, base, item) for item in banded.accepted)
     present = frozenset(place for item in accepted for place in stood_for(item))
     equals = frozenset(near for item in banded.accepted for near in near_equals(item))
     return Path(base, accepted, present, (search.nominal, base), equals=equals)
+
+
+def scored_anew(problem: Problem, base: Fitted, item: Accepted) -> Accepted:
+    """An effect of the base and its rivals, fitted in another band, with their fits and scores in this one."""
+    smaller = without(problem, base, item)
+    fits = each(lambda rival: free_of_filter(problem, rival.fitted.point), item.rivals)
+    rivals = tuple(rival.refitted(smaller, fitted) for rival, fitted in zip(item.rivals, fits, strict=True))
+    return replace(item, scored=item.scored.refitted(smaller, base), rivals=rivals)
 
 
 def does_better(narrow: Problem, held_out: Problem | None, whole: Finding, banded: Finding, threshold: float) -> bool:
@@ -489,6 +495,8 @@ class Search:
         accepted, base = merged_afterwards(problem, accepted, base, settings)
         accepted, base = unified(problem, accepted, base, self.effects, settings)
         present = path.present.union(unseen, stood_for(chosen), *map(stood_for, accepted))
+        plays = {effect.name for effect in self.effects if effect.scatters}
+        own = partial(with_laws, laws=plays, wanted=plays.intersection(item.name for item in accepted))
         return replace(
             path,
             base=base,
@@ -497,7 +505,7 @@ class Search:
             steps=steps,
             left=(),
             equals=equals,
-            optima=optima,
+            optima=own(optima) or own(path.optima),
         )
 
     def exchanged(self, path: Path) -> Path:

@@ -8,7 +8,7 @@ D. J. Wales and J. P. K. Doye, Global optimization by basin-hopping, Journal of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +61,12 @@ def likely(optima: Sequence[Optimum], growth: float = 1.0) -> list[Optimum]:
     """
     ordered = sorted(optima, key=lambda optimum: optimum.criterion)
     return [o for o in ordered if o.criterion <= ordered[0].criterion + 4.0 * len(ordered[0].values) * growth]
+
+
+def with_laws(optima: Sequence[Optimum], laws: Collection[str], wanted: Collection[str]) -> tuple[Optimum, ...]:
+    """The optima in which of some laws just those wanted are free: beside another one a law means something else."""
+    free = lambda optimum: {name.partition(".")[0] for name in optimum.values} & set(laws)  # noqa: E731
+    return tuple(optimum for optimum in optima if free(optimum) == set(wanted))
 
 
 def distances(optima: Sequence[Optimum], growth: float = 1.0) -> dict[str, float]:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from test_remainder import PLAY, fitted_with, problem_of
 
-from diagnosis.hopping import Optimum, distances, hopped, likely
+from diagnosis.hopping import Optimum, distances, hopped, likely, with_laws
 
 
 @pytest.mark.slow
@@ -32,3 +32,18 @@ def test_only_optima_that_are_as_likely_count() -> None:
     assert distances(optima, 2.0) == pytest.approx(dict.fromkeys(here.values, np.sqrt((9e-6 + 0.01) / 3.0)))
     assert distances((), 2.0) == {}
     assert likely(optima) == [here, optima[0]]
+
+
+def test_optima_beside_another_law_are_none_of_a_law() -> None:
+    both, alone, neither = (
+        Optimum(0.0, dict.fromkeys(names, 1.0))
+        for names in (
+            ("inertia@0", "cable_spring.stiffness@0", "backlash.gap@0", "backlash_power.gap@0"),
+            ("inertia@0", "backlash.gap@0"),
+            ("inertia@0",),
+        )
+    )
+    plays = ("backlash", "backlash_power")
+    assert with_laws((both, alone, neither), plays, {"backlash"}) == (alone,)
+    assert with_laws((both, alone, neither), plays, plays) == (both,)
+    assert with_laws((both, alone, neither), plays, ()) == (neither,)

@@ -43,7 +43,7 @@ from diagnosis.other_bases import (
     on_either_joint,
     settled_anew,
 )
-from diagnosis.problem import KnownTorques, Problem, Work, evenly, in_band, stack
+from diagnosis.problem import KnownTorques, Problem, Work, coarser, evenly, in_band, stack
 from diagnosis.pruning import general, merged, merged_afterwards, prune, unified
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, remainders, shows_blows
@@ -1517,6 +1517,26 @@ def test_what_the_band_of_the_motion_has_shown_is_carried_over_with_the_timing_o
         path = carried_over(search, finding, np.inf)
         assert path is not None
         assert path.base.point.parameters[0, 0, NOMINAL.index("timing")] == pytest.approx(shift, abs=0.02 * DT)
+
+
+def test_rivals_of_what_the_band_of_the_motion_has_shown_are_fitted_in_the_whole_band() -> None:
+    """The law of each is drawn over the errors of the whole band, and its score stands beside the effect's own."""
+    problem = problem_of({"coulomb_friction": {"torque": 0.3}}, 1e-4 * np.random.default_rng(1).standard_normal(5000))
+    narrow = coarser(problem, 2)
+    nominal = fit_nominal(narrow, (JointStructure(),))
+    item, rival = (
+        accepted(narrow, nominal, name, v) for name, v in (("coulomb_friction", [0.3]), ("quadratic_drag", [0.1]))
+    )
+    item = replace(item, rivals=(rival.scored,))
+    search = Search.begin(problem, (JointStructure(),), [item.effect, rival.effect], Settings(), lambda text: None)
+    finding = Finding("ambiguous", nominal, (item,), item.scored.fitted, (), ())
+    path = carried_over(search, finding, np.inf)
+    assert path is not None
+    (anew,) = path.accepted
+    assert [scored.fitted.error.shape for scored in (anew.scored, *anew.rivals)] == 2 * [problem.reading.shape]
+    assert anew.scored.decrease > 100.0
+    smaller = [scored.fitted.criterion + scored.decrease for scored in (anew.scored, *anew.rivals)]
+    assert smaller == pytest.approx(2 * [smaller[0]])
 
 
 def test_jitter_is_read_off_beside_what_noise_that_grows_lets_explain(monkeypatch: pytest.MonkeyPatch) -> None:

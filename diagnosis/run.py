@@ -495,6 +495,12 @@ def joint_title(read: Recordings, number: int) -> str:
     return "" if bare in (f"joint{number}", f"q{number}", str(number)) else name
 
 
+def applying(effects: Sequence[Effect], structures: Sequence[JointStructure]) -> tuple[Effect, ...]:
+    """The effects for which the commands of these joints leave room."""
+    there = {structure.input for structure in structures}
+    return tuple(effect for effect in effects if there & set(effect.inputs))
+
+
 def solve(
     read: Recordings,
     group: tuple[int, ...],
@@ -507,7 +513,7 @@ def solve(
     """Find the effects of one problem and replay the models on the held-out logs."""
     started = clock.perf_counter()
     name = f"joint {', '.join(map(str, group))}"
-    kernel = build(compiled_with(effects))
+    kernel, effects = build(compiled_with(effects)), applying(effects, structures)
     if kernel.is_new:
         tell("compiling the simulator, once for these effects: about a minute")
     first = read.fitted[0]
@@ -585,7 +591,7 @@ def joint_result(
     named = tuple(named_effect(solved, item, spread, joint, units) for item in finding.accepted if item.joint == j)
     left = finding.remainders[j]
     said = solved.verdict if len(solved.joints) == 1 or solved.verdict == "unknown" or named else "none"
-    visible, confusable = isolability(solved.problem, finding, j, joint, effects, settings)
+    visible, confusable = isolability(solved.problem, finding, j, joint, applying(effects, solved.structures), settings)
     result = JointResult(
         joint=joint,
         input=solved.structures[j].input,

@@ -49,6 +49,7 @@ from diagnosis.result import (
 )
 from diagnosis.run import (
     Solved,
+    applying,
     arm_said,
     check_turns,
     diagnose,
@@ -63,7 +64,7 @@ from diagnosis.run import (
 from diagnosis.settings import Settings
 from envs.adeptone import adeptone as adept_robot
 from envs.excitation import parse
-from envs.log import Array, JointFacts, Log
+from envs.log import Array, InputKind, JointFacts, Log
 from envs.log_files import load, save
 from envs.plant.plant import record
 from methods.base import State
@@ -128,6 +129,13 @@ def solved_of(read: Recordings, *names: str) -> Solved:
         lambda text: None,
         {},
     )
+
+
+@pytest.mark.parametrize(("command", "sags"), [("voltage", True), ("current", False), ("torque", False)])
+def test_a_drive_that_controls_current_makes_up_for_its_supply(command: InputKind, sags: bool) -> None:
+    effects = effects_of("supply_sag", "supply_sag_by_duty", "torque_constant_saturation")
+    names = {effect.name for effect in applying(effects, [JointStructure(input=command)])}
+    assert names == {"torque_constant_saturation"} | ({"supply_sag", "supply_sag_by_duty"} if sags else set())
 
 
 @pytest.fixture(scope="module")

@@ -30,6 +30,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from typing import Literal
 
+from envs.log import InputKind
+
 Stage = Literal["amplifier", "motor", "transmission", "arm", "sensor"]
 Slot = Literal["command", "gain", "torque", "friction", "sensor", "structure"]
 Dimension = Literal[
@@ -129,6 +131,8 @@ class Effect:
     on_the_arm: of a law of the second joint of a planar pair alone, which acts on the first one, too: whether by
         their ``coupling`` or, in an arm that gravity pulls, also by its ``weight``.
     of_the_link: its equation for the second link of a planar pair, where it turns with both joints and acts on both.
+    inputs: kinds of command (`envs.log.InputKind`) that leave room for it: a drive that controls current or torque
+        makes up for a sagging supply.
     remembers: whether it has a state that outlasts the motion of a few seconds, which a log does not show.
     kind, after: an effect that may occur several times has further instances with names of their own (`instances`);
         `kind` is the name they share, `after` the instances one of which has to be there first; so may a form of a law.
@@ -158,6 +162,7 @@ class Effect:
     turns: bool = False
     on_the_arm: Literal["", "coupling", "weight"] = ""
     of_the_link: str = ""
+    inputs: tuple[InputKind, ...] = ("voltage", "current", "torque")
     remembers: bool = False
     excludes: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()

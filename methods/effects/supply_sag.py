@@ -22,6 +22,7 @@ EFFECT = Effect(
     equation=r"v_a = v\,(1 - g\,|i|)",
     variable="motor torque",
     source="Rhoban BAM",
+    inputs=("voltage",),
     starts=lambda s: [(0.02 / s.torque_rms,)],
     function=command,
 )

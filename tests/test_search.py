@@ -303,6 +303,10 @@ def test_a_bridge_lowers_its_supply_by_the_power_that_it_draws() -> None:
     assert by_duty is not None
     for current in (2.0, -2.0):
         assert by_duty(-3.0, 0.0, 0.0, 0.0, current, (0.01,)) == pytest.approx(-3.0 * (1.0 - 0.06))
+    by_battery = NAMED["supply_sag_by_battery"].function
+    assert by_battery is not None
+    for current, share in ((2.0, 1.06), (-2.0, 0.94), (-200.0, 0.0)):  # it takes power back from a motor that brakes
+        assert by_battery(-3.0, 0.0, 0.0, 0.0, current, (0.01,)) == pytest.approx(-3.0 * share)
 
 
 def test_a_load_picked_up_at_rest_keeps_the_momentum() -> None:

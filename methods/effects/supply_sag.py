@@ -1,5 +1,5 @@
 """Sag of the supply: the voltage that a given duty cycle yields falls with the current in the motor, with the duty
-itself, or with the power that the bridge draws.
+itself, or with the power that the bridge draws from a rectifier or a battery.
 
 Source: Rhoban, BAM: better actuator models for servo actuators, 2024 (supply measured under load).
 """
@@ -99,7 +99,21 @@ BY_DUTY = replace(
     function=by_duty,
 )
 """As a simulator may have it in which the supply's current is the share of the motor's, whatever its sign."""
-FORMS = (EFFECT, LEVELLING, BY_COMMAND, BY_POWER, BY_DUTY)
+
+
+def by_battery(u, t, q, dq, w, p):
+    """u (1 - gain u w), no less than none of it."""
+    return u * max(0.0, 1.0 - p[0] * u * w)
+
+
+BY_BATTERY = replace(
+    BY_POWER,
+    name="supply_sag_by_battery",
+    equation=r"v_a = v\,(1 - g\,v i)",
+    function=by_battery,
+)
+"""As behind the resistance of a battery, which takes power back: its voltage rises while the motor brakes."""
+FORMS = (EFFECT, LEVELLING, BY_COMMAND, BY_POWER, BY_DUTY, BY_BATTERY)
 
 
 def excluded(form):

@@ -108,7 +108,7 @@ LANE_ROWS = (
     *(f"FIRST_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
     *(f"SUM_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
     *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING", "HALF", "CONSTANT", "LATE"),
-    *("TURNED", "ERROR", "OUTER", "KNOWN", "RESIST", "PLACE", "ARM", "WEIGHT"),
+    *("TURNED", "ERROR", "OUTER", "KNOWN", "RESIST", "BRISTLE", "PLACE", "ARM", "WEIGHT"),
     *("MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
     *("COMMAND", "READING", "BESIDE", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN"),
@@ -965,8 +965,8 @@ def _sides(start, p, on):
 def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, known, level, rhs):
     """Time derivatives D of the states S (n, 8) at time t under the averaged amplifier command u (n,).
 
-    beside (n,): what the laws of the motor's position add to it. extra, known (n,): torques from outside, on the motor
-    and on its arm."""
+    bristle (n, 2): torque of bristles, and how much more it is per velocity. beside (n,): what the laws of the motor's
+    position add to it. extra, known (n,): torques from outside, on the motor and on its arm."""
     arm1, arm2 = 0.0, 0.0
     if pair and (_minding(on[0]) or _minding(on[1])):
         for j in range(2):  # each joint of a pair sees the other one as it is simulated
@@ -978,10 +978,10 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
         split = _flexible(on[j]) or _playing(on[j])
         arm = _on_arm(t, S[j, QL] if split else q, dq, S[j, W], x[j], p, on[j], has[j, 2], pair and j < 2)
         arm += known[j]
-        viscous = p[VISCOUS] if split else p[VISCOUS] + p[ARM_VISCOUS]
+        viscous = bristle[j, 1] + (p[VISCOUS] if split else p[VISCOUS] + p[ARM_VISCOUS])
         w, D[j, W], D[j, HEAT], r, level[j] = _chain(
             t, q + beside[j], dq, S[j, W], S[j, HEAT], viscous, 0.0 if split else arm, u[j], x[j], p, on[j], has[j],
-            bristle[j] + extra[j])
+            bristle[j, 0] + extra[j])
         S[j, W] = w
         rhs[j] = r - sign[j] * level[j]
         D[j, Q] = dq
@@ -1177,29 +1177,32 @@ def _bristled(on):
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _bristle(z, dq, h, p, on):
-    """Torque over a step and deflection at its end, by the exact flow of the bristle at the velocity dq before it.
+    """Torque of a bristle over a step, its deflection in the middle, by the exact flow at the velocity dq before the
+    step, and how much more torque it takes per velocity.
 
-    Deflections that follow velocities at the beginnings of steps are half a step late, and the middle of a step is
-    another half later than they: the torque is that of the deflection at the end (symplectic Euler, which neither
-    damps nor drives what swings on the bristles).
+    Deflections are half a step ahead of velocities, so that each is in the middle of the step of the other (leapfrog,
+    which neither damps nor drives what swings on the bristles); their damping goes by the velocity as it changes.
     """
     general = DAHL >= 0 and on[DAHL]
     falling = LUGRE >= 0 and on[LUGRE]
     first = DAHL_P if general else (LUGRE_P if falling else BRISTLE_P)
     top = max(p[first + 1], 1e-12)
     stiffness = p[first] / top
-    if dq == 0.0:
-        return stiffness * z, z
     if falling:
         top *= 1.0 + p[LUGRE_P + 3] * math.exp(-((abs(dq) / p[LUGRE_P + 4]) ** p[LUGRE_P + 5]))
+    power = 1.0 - p[DAHL_P + 3] if general else 0.0  # y = 1 - z / final falls by y' = -y^exponent
     final = math.copysign(top, dq)
-    rate = abs(dq) * h / top
-    change = (final - z) * (1.0 - math.exp(-rate))
-    if general and abs(p[DAHL_P + 3] - 1.0) > 1e-6:  # y = 1 - z / final falls by y' = -y^exponent
-        power = 1.0 - p[DAHL_P + 3]
-        y = max(1.0 - z / final, 1e-12)
-        change = final - z - final * max(y**power - power * rate, 0.0) ** (1.0 / power)
-    return stiffness * (z + change + p[first + 2] * change / h), z + change
+    if dq != 0.0:
+        rate = abs(dq) * h / top
+        if abs(power) > 1e-6 and general:
+            y = max(1.0 - z / final, 1e-12)
+            z = final - final * max(y**power - power * rate, 0.0) ** (1.0 / power)
+        else:
+            z += (final - z) * (1.0 - math.exp(-rate))
+    yields = 1.0 - z / final if dq != 0.0 else 1.0
+    if general:
+        yields = max(yields, 0.0) ** (1.0 - power)
+    return stiffness * z, z, stiffness * p[first + 2] * yields
 
 
 @njit(cache=True, error_model='numpy')
@@ -1257,7 +1260,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     D = np.zeros((n, 7)); first_rates = np.zeros((n, 7)); total = np.zeros((n, 7)); B = np.zeros((n, 8))
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
     rises = np.zeros(n); volts = np.zeros(n); beside = np.zeros(n)
-    bristle = np.zeros(n); extra = np.zeros(n); known = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
+    bristle = np.zeros((n, 2)); extra = np.zeros(n); known = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
     xs = np.zeros((n, 3))
     keep = motion.shape[0] == T
     with_x = x.shape[0] == T
@@ -1302,9 +1305,8 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                 S[j, DQ] = _grasp(now, h, S[j, DQ], p, on[j])
                 c[j], rises[j], S[j, A] = _driven(k, i, substeps, dt, now, h, hold[j], u[:, j], cumulative[:, j],
                                                   S[j, Q], S[j, DQ], S[j, W], S[j, A], p, on[j], has[j, 0], euler)
-                bristle[j] = 0.0
                 if _bristled(on[j]):
-                    bristle[j], z[j] = _bristle(z[j], S[j, DQ], h, p, on[j])
+                    bristle[j, 0], z[j], bristle[j, 1] = _bristle(z[j], S[j, DQ], h, p, on[j])
             # friction by events: a joint that would reverse stops inside the step; the rest is integrated anew
             left, at, events = h, now, 0
             while left > 0.0:
@@ -1422,7 +1424,7 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
         S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l] = _sides(starts[l], p[l], on[l])
         S[W_ + l], S[LAG_ + l], S[HEAT_ + l] = starts[l, 2], u[begins[l]], starts[l, WARMTH]
         S[MOBILITY_ + l] = p[l, MOBILITY]
-        S[VISCOUS_ + l], S[EMF_ + l] = p[l, VISCOUS], p[l, BACK_EMF]
+        S[VISCOUS_ + l], S[EMF_ + l], S[BRISTLE_ + l] = p[l, VISCOUS], p[l, BACK_EMF], 0.0
         S[ELECTRICAL_ + l] = p[l, ELECTRICAL_RATE]
         S[LATE_ + l] = _lateness(p[l], on[l])
         S[LIMIT_ + l] = p[l, LIMIT] if p[l, LIMIT] > 0.0 else np.inf
@@ -1508,7 +1510,7 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
         for l in range(LANES):
             S[R_ + l] *= S[SUM_ + l]
     for l in range(LANES):
-        S[R_ + l] -= S[VISCOUS_ + l] * S[DQS_ + l] + S[WEIGHT_ + l] + S[RESIST_ + l]
+        S[R_ + l] -= (S[BRISTLE_ + l] + S[VISCOUS_ + l]) * S[DQS_ + l] + S[WEIGHT_ + l] + S[RESIST_ + l]
     if has[2]:
         for l in range(LANES):
             S[SUM_ + l] = 0.0
@@ -1945,7 +1947,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
             if _bristled(any_on):
                 for l in range(n):
                     if _bristled(on[l]):
-                        torque, S[Z_ + l] = _bristle(S[Z_ + l], S[DQ_ + l], h, p[l], on[l])
+                        torque, S[Z_ + l], S[BRISTLE_ + l] = _bristle(S[Z_ + l], S[DQ_ + l], h, p[l], on[l])
                         S[RESIST_ + l] += torque
             for l in range(LANES):
                 S[SPAN_ + l] = S[LEFT_ + l] = h

@@ -356,7 +356,7 @@ class Session:
             module.begin(begun, self.command[0], states, parameters, switches)
             module._rates(
                 0.0, states, rates, np.zeros(n), self.command[0], near, sign, still, n, parameters, switches, present,
-                pair, rigid, *np.zeros((5, n)),
+                pair, rigid, np.zeros((n, 2)), *np.zeros((4, n)),
             )  # fmt: skip
             return rates[:, 1]
 

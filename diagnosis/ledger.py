@@ -216,8 +216,10 @@ def grown(held_out: Problem, step: Step, j: int, floor: float) -> float:
     def moved(torque: float) -> Array:
         return replay(replace(held_out, command=held_out.command + torque * only), step.point, WINDOW).windows[:, j]
 
+    own = moved(0.0)
+
     def change(torque: float) -> Array:
-        return in_blocks(moved(torque) - moved(0.0), held_out.bounds, width)
+        return in_blocks(moved(torque) - own, held_out.bounds, width)
 
     first, most = (share * residual for share in FAINT)
     typical = float(np.sqrt(np.median(change(first))))

@@ -245,6 +245,22 @@ def test_what_acts_on_both_joints_of_a_pair(name: str, parted: bool) -> None:
     assert parted or not np.any(changed[1::2])
 
 
+@pytest.mark.parametrize(("name", "pulls"), [("gravity_tilt", True), ("gravity_tilt_in_one_joint", False)])
+def test_a_tilt_of_the_second_joint_pulls_at_the_first_unless_it_keeps_its_direction(name: str, pulls: bool) -> None:
+    effect = next(effect for effect in KERNEL.effects if effect.name == name)
+    parameters, switches, starts, rigid = pairs(LANES, 12, 0)
+    rigid[:, [0, 2]] = 0.0  # neither inertia nor weight couples the joints
+    parameters[..., [NOMINAL.index("gravity_sine"), NOMINAL.index("gravity_cosine")]] = 0.0
+    plain = of_pairs(parameters, switches, starts, rigid)[0]
+    switches[:, 1, KERNEL.switches[name]] = True
+    parameters[..., 1, KERNEL.own(effect)] = 0.3, 0.2
+    lanes, alone = of_pairs(parameters, switches, starts, rigid)
+    assert np.array_equal(lanes, alone)
+    changed = np.any(lanes != plain, axis=1)
+    assert np.all(changed[:, 1])
+    assert np.all(changed[:, 0]) if pulls else not np.any(changed[:, 0])
+
+
 def transmissions(count: int, seed: int) -> np.ndarray:
     """Which spring or play each joint of so many pairs has, as a column of the switches; -1 where it is stiff."""
     known = [KERNEL.switches[effect.name] for effect in KERNEL.effects if effect.parts_the_arm]

@@ -1,11 +1,13 @@
 """Tilted axis: gravity acts on a joint whose axis was taken to be vertical.
 
-In a planar pair it is a weight of the link (`methods.kernel`): the second one's turns with both joints.
+In a planar pair it is a weight of the link (`methods.kernel`): the second one's turns with both joints, unless what
+gravity pulls keeps its direction while the first joint turns.
 
 Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, section 9.
 """
 
 import math
+from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter
 
@@ -38,3 +40,15 @@ EFFECT = Effect(
     turns=True,
     of_the_link=r"\tau_g = T\,\sin(q_1 + q + \varphi),\ \tau_1 \to \tau_1 + \tau_g",
 )
+
+IN_ONE_JOINT = replace(
+    EFFECT,
+    name="gravity_tilt_in_one_joint",
+    kind="gravity_tilt",
+    starts=lambda s: starts(s) if s.coupled else [],
+    excludes=("gravity_tilt",),
+    of_the_link="",
+)
+"""Of a joint in a planar pair by itself: as a motor on the base pulls a link by a belt, or as a simulator has it that
+takes joint by joint."""
+EFFECTS = (replace(EFFECT, excludes=("gravity_tilt_in_one_joint",)), IN_ONE_JOINT)

@@ -22,6 +22,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.mathtext import MathTextParser
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from diagnosis.quantities import number, pretty_unit, scale_for, sentence_case, title
 from diagnosis.result import Alternative, Gap, LedgerRow, PartialResidual, Series, Spectrum
@@ -262,6 +263,11 @@ def residual_spectrum(spectrum: Spectrum, unit: str, name: str) -> str:
     factor, scaled = scale_for([float(np.max(spectrum.before, initial=0.0))], unit)
     for values, colour, label, width in models(spectrum.before, spectrum.after):
         axes.loglog(*in_bands(spectrum.frequency, factor * values), color=colour, lw=width, label=label)
+    low, high = axes.get_ylim()
+    if high < 100.0 * low:  # few powers of ten to label, and long labels between them
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("Frequency (Hz)")
     axes.set_ylabel(f"Residual ({pretty_unit(scaled)}/√Hz)")
     legend(axes)

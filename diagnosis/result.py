@@ -285,8 +285,8 @@ class JointResult:
     are pieces of another law. drifts: how constant each parameter is within the logs and from one to the next. wave:
     an error of the readings that is periodic in the position.
     title: its name in the robot's description, if that says more than the number. beside: the number of the other joint
-    where the two are a planar pair. scattered: what noise alone would let
-    a hypothesis explain beside the model, where small causes grow in it.
+    of a planar pair, where the model has effects there. scattered: what noise alone would let a hypothesis explain
+    beside the model, where small causes grow in it.
     """
 
     joint: int

@@ -616,7 +616,7 @@ def joint_result(
         patched=finding.patched.get(j),
         drifts=left.drifts,
         wave=left.wave,
-        beside=solved.joints[1 - j] if solved.problem.pair else None,
+        beside=next((solved.joints[item.joint] for item in finding.accepted if item.joint != j), None),
         scattered=finding.scattered,
     )
     return result, own_gap, ledger

@@ -97,7 +97,8 @@ def is_uncertain(joint: JointResult, gap: Gap | None) -> bool:
 def _finding(joint: JointResult, gap: Gap | None) -> str:
     named = enumerated([describe(effect, joint.command_unit) for effect in joint.effects])
     plural = len(joint.effects) > 1
-    adding = f"adding {'them' if plural else 'it'} {gain(gap)}" if gap else ""
+    further = "" if joint.beside is None else f", with what is named at joint {joint.beside},"
+    adding = f"adding {'them' if plural else 'it'}{further} {gain(gap)}" if gap else ""
     if gap is not None and is_helped(joint, gap):
         return f"nothing of its own is missing; adding what is named at joint {joint.beside} {gain(gap)}"
     if gap is not None and is_uncertain(joint, gap):

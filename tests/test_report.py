@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from diagnosis import figures
 from diagnosis.encoder_waves import Wave
-from diagnosis.figures import equation, report_style
+from diagnosis.figures import equation, report_style, residual_spectrum
 from diagnosis.ledger import closed, simulated
 from diagnosis.model_equations import model_equations
 from diagnosis.output import to_json
@@ -226,6 +226,27 @@ def test_a_joint_that_errs_by_what_the_other_one_of_a_pair_lacks_is_not_called_g
     for share, after in ((0.0, 0.04123), (None, 0.04)):  # it is as good without
         same = replace(diagnosis.gaps[0], closed=share, after=after, noise_floor=0.04)
         assert "is good to the noise floor" in joint_sentence(first, same)
+
+
+def test_a_gain_that_effects_at_the_other_joint_of_a_pair_share_is_said_to_be_theirs_too() -> None:
+    diagnosis = example("named", joints=2)
+    alone, shared = (
+        joint_sentence(replace(diagnosis.joints[0], beside=other), diagnosis.gaps[0]) for other in (None, 2)
+    )
+    assert "missing; adding it cuts the held-out error from 41.2" in alone
+    assert "missing; adding it, with what is named at joint 2, cuts the held-out error from 41.2" in shared
+
+
+@pytest.mark.parametrize("least", [0.15, 1.5])
+def test_a_spectrum_of_few_powers_of_ten_has_short_labels_on_its_axis(
+    least: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(figures, "svg", lambda figure, *given: figure)
+    density = np.geomspace(least, 7.0, 100)
+    figure = residual_spectrum(Spectrum(np.arange(100.0), density, 0.9 * density), "V", "spectrum")
+    labels = [text.get_text() for text in figure.axes[0].get_yticklabels(which="both") if text.get_text()]  # type: ignore[attr-defined]
+    assert {"2", "5"} <= set(labels)
+    assert max(map(len, labels)) < 5
 
 
 @pytest.mark.parametrize(("floor", "is_good"), [(0.03, True), (0.00101, False)])

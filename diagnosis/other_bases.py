@@ -102,7 +102,8 @@ def also_from_regression(
             values, is_felt = [[own] for own in torques], change > HELD * command
         else:
             continue
-        for j in (j for other, j in candidates if other is effect and is_felt[j]):
+        is_offered = [effect.starts is None or any(effect.starts(own)) for _, own in sorted(sizes.items())]
+        for j in (j for other, j in candidates if other is effect and is_felt[j] and is_offered[j]):
             alike = [Start(Hypothesis(effect, j), np.tile(own, (problem.logs, 1)), 0.0) for own in values[j]]
             starts.append((point, alike))
     limit = ranked[0].fitted.criterion + base.samples * np.log(HOPELESS)

@@ -1211,19 +1211,20 @@ def test_a_weight_that_no_one_stated_also_begins_from_the_regression() -> None:
     """The best fit without it may be a joint of any inertia, and no way leads from there."""
     structures = (JointStructure(input="torque", electrical=False),)
 
-    def found(weight: float) -> list[Scored]:
+    def found(weight: float, name: str = "gravity_tilt") -> list[Scored]:
         problem = swung(weight)
         off = point_at(problem, structures).point
         vector = np.where([f.name == "inertia@0" for f in off.free], 1e3, off.vector)
         error = errors(problem, [off.at(vector)])[0]
         base = finish(problem, off.at(vector), error, whitener(problem, error))
         other = accepted(problem, base, "amplifier_offset", [0.01]).scored
-        return also_from_regression(problem, structures, base, [(NAMED["gravity_tilt"], 0)], [other])
+        return also_from_regression(problem, structures, base, [(NAMED[name], 0)], [other])
 
     best = found(3.0)[0].fitted.point
     assert best.value("gravity_tilt.sine@0") == pytest.approx(3.0, rel=0.01)
     assert best.value("inertia@0") == pytest.approx(0.14, rel=0.01)
     assert len(found(0.0)) == 1
+    assert len(found(3.0, "gravity_tilt_in_one_joint")) == 1  # it is a law of planar pairs
 
 
 def test_a_weight_is_regressed_along_with_the_acceleration() -> None:
@@ -1236,7 +1237,7 @@ def test_a_weight_is_regressed_along_with_the_acceleration() -> None:
     assert abs(cosine) < 0.1
     assert found.point.value("inertia@0") == pytest.approx(0.14, rel=0.2)
     linear = {effect.name for effect in EFFECTS if effect.is_linear_in_place}
-    assert linear == {"gravity_tilt", "cable_spring"}
+    assert linear == {"gravity_tilt", "gravity_tilt_in_one_joint", "cable_spring"}
 
 
 def test_what_a_later_effect_contains_is_dropped_in_the_end() -> None:

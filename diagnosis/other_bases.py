@@ -102,7 +102,7 @@ def also_from_regression(
             values, is_felt = [[own] for own in torques], change > HELD * command
         else:
             continue
-        is_offered = [effect.starts is None or any(effect.starts(own)) for _, own in sorted(sizes.items())]
+        is_offered = [effect.starts is None or any(effect.starts(own)) for own in sizes.values()]
         for j in (j for other, j in candidates if other is effect and is_felt[j] and is_offered[j]):
             alike = [Start(Hypothesis(effect, j), np.tile(own, (problem.logs, 1)), 0.0) for own in values[j]]
             starts.append((point, alike))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -230,6 +231,7 @@ def general(
     """
     explained = nominal.criterion - base.criterion
     small = settings.doubtful * explained
+    before = cache(lambda: astray(held_out, elsewhere(held_out, nominal)))
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
         is_weak = item.scored.evidence <= settings.weak
         is_sure = not is_weak and problem.arm is None
@@ -256,7 +258,7 @@ def general(
                 len(accepted) < 2
                 or item.effect.scan == "event"
                 or loss > settings.unexplained * explained
-                or moved_by(held_out, elsewhere(held_out, nominal), there, less) > settings.trace
+                or moved_by(held_out, before(), there, less) > settings.trace
             )
         )
         if not shows:
@@ -285,10 +287,10 @@ def astray(held_out: Problem, there: Fitted) -> Array:
     return np.asarray(np.sqrt(np.nanmean(replay(held_out, there.point, WINDOW).windows ** 2, axis=0)))
 
 
-def moved_by(held_out: Problem, nominal: Fitted, there: Fitted, less: Fitted) -> float:
+def moved_by(held_out: Problem, before: Array, there: Fitted, less: Fitted) -> float:
     """Share of the nominal model's errors in free simulation that an effect accounts for, at the joint where it is
-    most. there, less: the model with it and without."""
-    before, after, without_it = (astray(held_out, own) for own in (nominal, there, less))
+    most. before (n,): those errors. there, less: the model with the effect and without."""
+    after, without_it = astray(held_out, there), astray(held_out, less)
     return float(np.max(np.sqrt(np.maximum(without_it**2 - after**2, 0.0)) / np.maximum(before, 1e-300)))
 
 

@@ -1191,15 +1191,16 @@ def _bristle(z, dq, h, p, on):
     if falling:
         top *= 1.0 + p[LUGRE_P + 3] * math.exp(-((abs(dq) / p[LUGRE_P + 4]) ** p[LUGRE_P + 5]))
     power = 1.0 - p[DAHL_P + 3] if general else 0.0  # y = 1 - z / final falls by y' = -y^exponent
-    final = math.copysign(top, dq)
+    yields = 1.0
     if dq != 0.0:
+        final = math.copysign(top, dq)
         rate = abs(dq) * h / top
-        if abs(power) > 1e-6 and general:
+        if abs(power) > 1e-6:
             y = max(1.0 - z / final, 1e-12)
             z = final - final * max(y**power - power * rate, 0.0) ** (1.0 / power)
         else:
             z += (final - z) * (1.0 - math.exp(-rate))
-    yields = 1.0 - z / final if dq != 0.0 else 1.0
+        yields = 1.0 - z / final
     if general:
         yields = max(yields, 0.0) ** (1.0 - power)
     return stiffness * z, z, stiffness * p[first + 2] * yields

@@ -38,6 +38,7 @@ EFFECT = Effect(
     starts=starts,
     function=torque,
     turns=True,
+    excludes=("gravity_tilt_in_one_joint",),
     of_the_link=r"\tau_g = T\,\sin(q_1 + q + \varphi),\ \tau_1 \to \tau_1 + \tau_g",
 )
 
@@ -51,4 +52,4 @@ IN_ONE_JOINT = replace(
 )
 """Of a joint in a planar pair by itself: as a motor on the base pulls a link by a belt, or as a simulator has it that
 takes joint by joint."""
-EFFECTS = (replace(EFFECT, excludes=("gravity_tilt_in_one_joint",)), IN_ONE_JOINT)
+EFFECTS = (EFFECT, IN_ONE_JOINT)

@@ -79,6 +79,12 @@ def scatters(problem: Problem, point: Point, joint: int) -> bool:
     return any(on and effect.scatters for effect, on in present)
 
 
+def sticks(problem: Problem, point: Point, joint: int) -> bool:
+    """Whether a joint's model has dry friction, which holds it and lets it go."""
+    present = zip(problem.kernel.effects, point.switches[joint], strict=True)
+    return any(on and (effect.slot == "friction" or effect.is_dry) for effect, on in present)
+
+
 def errors(problem: Problem, points: Sequence[Point], extra: Array | None = None, leak: bool = True) -> Array:
     """Prediction errors (C, T, n) of several points with the same switches or not."""
     return problem.errors(

@@ -6,7 +6,7 @@ joint moves a body of its own; a planar pair moves two links whose lengths and m
 
 ===================== =====================================================================
 nominal joint         explicit inertia, joint damping, ``dcmotor`` with L/R, gravity on an offset mass
-arm behind a spring   its own damping on a fixed tendon
+arm behind a spring   its own damping and its share of friction on a fixed tendon
 coulomb_friction      ``frictionloss``, soft where it is found as a soft constraint
 stribeck_friction     LuGre bristle of a passive ``dcmotor``, stiff enough to be dry friction
 presliding_friction   the same with its own stiffness
@@ -78,6 +78,11 @@ class _Joint:
     constant: float = 0.0
     resistance: float = 0.0
 
+    @property
+    def behind(self) -> float:
+        """Share of the laws of friction that acts behind a spring or a play."""
+        return self.part.nominal.get("arm_friction", 0.0)
+
     def torque(self, value: float) -> float:
         """A torque of the model in the file's unit."""
         return value / self.unit
@@ -137,7 +142,7 @@ def _built(
         if item.part.compensator is not None:
             missing.append((item.part.joint, COMPENSATOR))
         _constant(item)
-        _arm_damping(item)
+        _arm_friction(item)
         if not _gravity(item, single=model.coupling is None or item.part.joint not in model.joints[:2]):
             missing.append((item.part.joint, "gravity"))
     spec.compile()
@@ -238,16 +243,21 @@ def _constant(item: _Joint) -> None:
     item.joint.springref -= item.torque(item.constant) / item.joint.stiffness[0]
 
 
-def _arm_damping(item: _Joint) -> None:
-    """Viscous friction on the arm: of its own velocity, not of that at which it leaves the motor."""
+def _arm_friction(item: _Joint) -> None:
+    """Friction on the arm: of its own velocity, not of that at which it leaves the motor."""
     damping = item.torque(item.part.nominal.get("arm_viscous", 0.0))
-    if damping == 0.0:
-        return
+    share = item.behind
     if not item.body.bodies:
         item.joint.damping[0] += damping
         return
+    if damping == 0.0 and share == 0.0:
+        return
     tendon = item.spec.add_tendon(name=f"{item.name}_arm")
-    tendon.damping[0] = damping
+    tendon.damping[0], tendon.damping[1] = damping, share * item.joint.damping[1]
+    tendon.frictionloss = share * item.joint.frictionloss
+    tendon.solimp_friction, tendon.solref_friction = item.joint.solimp_friction, item.joint.solref_friction
+    item.joint.damping[1] *= 1.0 - share
+    item.joint.frictionloss *= 1.0 - share
     for name in (item.name, f"{item.name}_load"):
         tendon.wrap_joint(name, 1.0)
 
@@ -284,6 +294,8 @@ def _dry(item: _Joint, p: Values) -> bool:
 
 
 def _constrained(item: _Joint, p: Values) -> bool:
+    if item.behind:  # which is one of dry friction, not of a constraint
+        return False
     item.joint.frictionloss += item.torque(p["torque"])
     item.joint.solimp_friction = (p["hold"], p["hold"], 1e-3, 0.5, 2.0)
     item.joint.solref_friction = (2.0 * p["recovery_time"] / p["hold"], 1.0)
@@ -297,6 +309,8 @@ def _bristles(item: _Joint, name: str, lugre: list[float]) -> bool:
 
 
 def _stribeck(item: _Joint, p: Values) -> bool:
+    if item.behind:
+        return False
     stiffness = (2 * math.pi * BRISTLE_HERTZ) ** 2 * item.inertia
     damping = 0.2 * math.sqrt(stiffness * item.inertia)
     levels = [item.torque(p["torque"]), item.torque(p["torque"] + p["excess"]), p["velocity"]]

@@ -17,12 +17,18 @@ SYMBOLS = {
     "gravity_cosine": "G_c",
     "load": "L",
     "arm_damping": "b_l",
+    "arm_friction": r"\lambda",
     "shared_inertia": "P",
     "coupling_inertia": "K",
 }
 """Nominal parameters by the letters of the equation of motion."""
 ARM = r"J r\,\ddot q_l = F"
 """How an arm behind a spring moves."""
+RUBBING = (
+    r"(1-\lambda)\,\tau_f(\dot q)\ \mathrm{acts\ on\ the\ motor},\quad "
+    r"\lambda\,\tau_f(\dot q_l)\ \mathrm{on\ the\ arm}"
+)
+"""Where laws of friction act that have a share behind a spring."""
 RESISTING = (r"\tau_f", r"\tau_c", r"\tau_d", r"\tau_g", r"\tau")
 """Left-hand sides of laws that resist the motion, and so join the equation of motion on its left."""
 FIRST, LAST = "input_delay", "amplifier_lag"
@@ -58,6 +64,8 @@ def model_equations(joint: JointResult) -> tuple[Formula, ...]:
     elif motor == "w":
         motor = driven
     lines.append(Formula(f"{' + '.join(terms)} = {motor}", None))
+    if "arm_friction" in names:
+        lines.append(Formula(RUBBING, None))
     if joint.beside is not None and f"W_{joint.beside}" in terms:
         lines.append(Formula(rf"W_{joint.beside} = \mathrm{{gravity\ of\ joint\ {joint.beside}}}", None))
     formulas = [formula for _, formula in laws]

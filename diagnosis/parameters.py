@@ -293,6 +293,7 @@ NOMINAL_DIMENSIONS: dict[str, Dimension] = {
     "gravity_sine": "torque",
     "gravity_cosine": "torque",
     "load": "torque",
+    "arm_friction": "ratio",
 }
 
 
@@ -301,6 +302,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "damping": DAMPING,
     **{name: (name,) for name in NOMINAL[3:7]},
     "arm_damping": ("arm_viscous",),
+    "arm_friction": ("arm_friction",),
 }
 """Nominal parameters as they are reported; command and angle determine the damping as a whole."""
 COUPLING = {"shared_inertia": 2, "coupling_inertia": 0}
@@ -313,7 +315,7 @@ def nominal_parameters(
     nominal: Fitted, final: Fitted, spreads: tuple[Array, Array], j: int, joint: JointUnits, given: Mapping[str, float]
 ) -> tuple[NominalParameter, ...]:
     """Nominal parameters of joint index j before and after the effects, input-equivalent; damping is one number, and
-    beside it, where there is a spring or a play, what of it acts behind that."""
+    beside it, where there is a spring or a play, what of it acts behind that, and what share of friction laws."""
     found = []
     for title, parts in PARTS.items():
         before, after = (_estimate(f, s, parts, j, joint) for f, s in zip((nominal, final), spreads, strict=True))

@@ -23,8 +23,6 @@ from methods.effects.base import Effect
 if TYPE_CHECKING:
     from diagnosis.finding import Accepted
 
-DRY = "coulomb_friction"
-"""What every law of dry friction contains."""
 PERIODS = 1.5
 """Periods of a wave that the logs have to show, where other torques of the position are there as well."""
 VAGUE = 0.02
@@ -63,7 +61,7 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
     for j in range(problem.joints):
         own = [item.effect for item in accepted if item.joint == j]
         places = [effect for effect in own if (effect.variable, effect.slot) == ("position", "torque")]
-        dry = [effect for effect in own if DRY in (effect.label, *effect.includes)]
+        dry = [effect for effect in own if effect.is_dry]
         if len(dry) > 1 or any(is_damping(problem, final, j, effect) for effect in dry):
             found[j] = Patchwork.FRICTION
         elif any(is_dead_zone(problem, final, j, effect) for effect in dry):

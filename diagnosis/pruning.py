@@ -16,7 +16,6 @@ from diagnosis.finding import Accepted
 from diagnosis.hypotheses import proposals, sizes_of, withdraw
 from diagnosis.instants import happens
 from diagnosis.of_motion import is_of_motion
-from diagnosis.other_bases import DRY
 from diagnosis.problem import Problem
 from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainders
@@ -344,7 +343,7 @@ def one_dry_friction(
     may as well stay unexplained."""
     allowed = settings.unexplained * (nominal.criterion - base.criterion)
     for j in range(problem.joints):
-        dry = [item for item in accepted if item.joint == j and DRY in (item.label, *item.effect.includes)]
+        dry = [item for item in accepted if item.joint == j and item.effect.is_dry]
         if len(dry) < 2:
             continue
         item, loss, smaller = _weakest(problem, base, dry)

@@ -11,7 +11,7 @@ imitates another one, or a machine that changes, shows there first.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -21,12 +21,12 @@ from scipy.ndimage import grey_closing
 from scipy.stats import chi2
 
 from diagnosis.encoder_waves import Wave, encoder_wave
-from diagnosis.estimation import Fitted, errors, predicted_motion, scatters
+from diagnosis.estimation import Fitted, errors, predicted_motion, scatters, sensitivities, sticks
 from diagnosis.hypotheses import adjoint
 from diagnosis.jitter import jitter
 from diagnosis.problem import Problem, bandwidth
 from diagnosis.projection import project
-from diagnosis.whitening import absorption
+from diagnosis.whitening import absorption, whitener
 from envs.log import Array
 
 FLOOR = 1e-9
@@ -91,9 +91,10 @@ class Remainder:
     same over the rms of the motor torque. beyond, beyond_share: the same up to WIDER times the band of the motion,
     where readings tell (`shows_blows`), 0 elsewhere. drifts: parameters in the order of their p-values. scattered:
     the decrease that the groups bring where such a torque is all that the model lacks, if it is one in which small
-    causes grow; deviations: rms of what it then makes of the free parameters, by their names. wave: one of the readings
-    over the position (`diagnosis.encoder_waves`). rounded: whether the innovations are little else than the encoder's
-    rounding, which is not independent of a slow motion, nor of rest.
+    causes grow (`impacts`), or one that dry friction holds and lets go; deviations: rms of what it then makes of the
+    free parameters, by their names. wave: one of the readings over the position (`diagnosis.encoder_waves`). rounded:
+    whether the innovations are little else than the encoder's rounding, which is not independent of a slow motion, nor
+    of rest.
     """
 
     dependences: tuple[Dependence, ...]
@@ -109,6 +110,7 @@ class Remainder:
     deviations: Mapping[str, float] = field(default_factory=dict)
     wave: Wave | None = None
     rounded: bool = False
+    impacts: bool = False
 
     @property
     def growth(self) -> float:
@@ -120,7 +122,7 @@ class Remainder:
         """Decrease beyond what noise alone would give.
 
         White noise gives one per function with a standard deviation of sqrt(2 functions), all of it larger where small
-        causes grow.
+        causes grow, and where a torque that nobody logged moves the joint at some times and not at others.
         """
         chance = 1.3 * self.functions + 4.0 * np.sqrt(2.0 * self.functions)
         return max(0.0, self.decrease - chance * self.growth)
@@ -197,7 +199,12 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     base = gain(fitted.jacobian)
     every = np.vstack([fitted.jacobian, *responses.values()])
     spectrum = torque_spectrum(problem, fitted, joint, motion)
-    scatter = scattering(problem, fitted, joint, spectrum)
+    change, sizes = np.split(project(every, residual)[0], [len(fitted.jacobian)])
+    torque = size * sizes @ np.vstack(list(groups.values()))
+    noise_alone = spectrum
+    if sticks(problem, fitted.point, joint) and not scatters(problem, fitted.point, joint):
+        noise_alone = torque_spectrum(problem, relieved(problem, fitted, joint, torque, change), joint, motion)
+    scatter = scattering(problem, fitted, joint, noise_alone)
     found = []
     for name, response in responses.items():
         basis = np.vstack([fitted.jacobian, response])
@@ -209,7 +216,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         tuple(sorted(found, key=lambda d: -d.decrease / d.functions)),
         float(gain(every) - base),
         sum(len(r) for r in responses.values()),
-        _share(problem, fitted, joint, groups, every, residual, size),
+        _rms(torque[problem.used]) / max(_rms(problem.command[problem.used, joint]), 1e-150),
         *disturbance(problem, spectrum, motion),
         *(disturbance(problem, spectrum, motion, WIDER) if shows_blows(problem, fitted, joint) else (0.0, 0.0)),
         drifts(problem, fitted, joint, scatter),
@@ -217,6 +224,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         deviations(fitted, scatter),
         encoder_wave(problem, fitted, joint),
         rounded=bool(fitted.variances[joint] < ROUNDING * problem.encoder_step**2),
+        impacts=scatters(problem, fitted.point, joint),
     )
 
 
@@ -227,7 +235,7 @@ def remainders(problem: Problem, fitted: Fitted) -> tuple[Remainder, ...]:
 
 def lucky(left: Sequence[Remainder]) -> float:
     """What noise alone would let one effect explain, where small causes grow."""
-    return LUCKY * sum(r.scattered for r in left)
+    return LUCKY * sum(r.scattered for r in left if r.impacts)
 
 
 def shows_blows(problem: Problem, fitted: Fitted, joint: int) -> bool:
@@ -244,16 +252,29 @@ def shows_blows(problem: Problem, fitted: Fitted, joint: int) -> bool:
     return found is None or found.decrease < JITTERS
 
 
+def relieved(problem: Problem, fitted: Fitted, joint: int, torque: Array, change: Array) -> Fitted:
+    """The fit with errors as they would be, to first order, without a torque (T,) that the functions explain and the
+    change (P,) of the parameters that goes with it, behind a filter of their own: the noise beside it."""
+    extra = np.zeros((1, len(problem.time), problem.joints))
+    extra[0, :, joint] = torque
+    error = 2.0 * fitted.error - errors(problem, [fitted.point], extra=extra)[0]
+    error -= np.tensordot(change, sensitivities(problem, fitted.point, fitted.error), 1)
+    own = whitener(problem, error)
+    return replace(fitted, error=error, whitener=own, innovation=own(error))
+
+
 def scattering(problem: Problem, fitted: Fitted, joint: int, spectrum: TorqueSpectrum) -> Array:
-    """What noise makes of the innovations (DRAWS, N n), weighted, of a joint in which small causes grow; (0, N n) else.
+    """What noise makes of the innovations (DRAWS, N n), weighted, of a joint in which small causes grow, or that dry
+    friction holds at times; (0, N n) else.
 
     Behind impacts a small torque makes errors that are no longer small nor independent of the motion, whatever the
-    whitening. So the model is simulated once more with a random torque that has the spectrum of the unexplained one:
-    in the band of the motion, and beyond it no more than its mean there, falling with the square of the frequency, as
-    behind a first-order lag. What blows make of the errors there is no torque.
+    whitening; at rest it makes none, and when the joint stops and breaks away hangs on it. So the model is simulated
+    once more with a random torque that has the spectrum of the unexplained one: in the band of the motion, and beyond
+    it no more than its mean there, falling with the square of the frequency, as behind a first-order lag. What blows
+    make of the errors there is no torque.
     """
     nothing: Array = np.zeros((0, fitted.innovation.size))
-    if not scatters(problem, fitted.point, joint):
+    if not (scatters(problem, fitted.point, joint) or sticks(problem, fitted.point, joint)):
         return nothing
     generator, (frequency, power, _, band) = np.random.default_rng(0), spectrum
     count, noise = len(problem.time), fitted.weights
@@ -438,18 +459,5 @@ def spectral_deviation(problem: Problem, fitted: Fitted, joint: int, count: int)
     return np.interp(np.linspace(0.0, 1.0, count // 2 + 1), np.linspace(0.0, 1.0, len(deviation)), deviation)
 
 
-def _share(
-    problem: Problem,
-    fitted: Fitted,
-    joint: int,
-    groups: dict[str, list[Array]],
-    basis: Array,
-    residual: Array,
-    size: float,
-) -> float:
-    """Rms of the torque that explains the innovations best, over the rms of the command."""
-    coefficients = project(basis, residual)[0][len(fitted.jacobian) :]
-    functions = np.stack([function for group in groups.values() for function in group])
-    torque = size * coefficients @ functions
-    used = problem.used
-    return float(np.sqrt(np.mean(torque[used] ** 2) / max(np.mean(problem.command[used, joint] ** 2), 1e-300)))
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

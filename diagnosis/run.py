@@ -346,8 +346,14 @@ def instants_said(result: JointResult) -> str:
 
 def growth_said(solved: Solved, j: int) -> str:
     """That no model can follow the motion of joint index j, where small causes grow in it; nothing otherwise."""
-    if solved.finding.remainders[j].growth < GROWN:
+    left = solved.finding.remainders[j]
+    if left.growth < GROWN:
         return ""
+    if not left.impacts:
+        return (
+            f"joint {solved.joints[j]}: noise that nobody logged decides when friction holds the joint and lets it go: "
+            "errors of free simulation stay"
+        )
     return (
         f"joint {solved.joints[j]}: from one blow of its play to the next small causes grow, so that noise which "
         "nobody logged decides where it goes: no model follows these logs exactly, and errors of free simulation stay"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import filterfalse
+from itertools import filterfalse, product
 from typing import TypeVar
 
 import numpy as np
 
-from diagnosis.arm_damping import on_arms_side
+from diagnosis.arm_damping import on_arms_side, rubbing_behind, rubs
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
 from diagnosis.first_fits import first_fits, further, on_all_samples, retuned, seen_in_part
 from diagnosis.glance import Glance, can_be_glanced_at, glance
@@ -205,7 +205,7 @@ def met(
     if not effect.scatters or effect.starts is None:
         return []
     every = [np.tile(np.array(values, float), (problem.logs, 1)) for values in effect.starts(size)]
-    variants = partial(apportioned, joint=joint) if is_thorough and not problem.pair else lambda point: [point]
+    variants = partial(apportioned, problem, joint=joint) if is_thorough and not problem.pair else lambda point: [point]
     begun = [
         (values, point)
         for values in every
@@ -239,16 +239,20 @@ def plays(problem: Problem, base: Fitted, effects: Sequence[tuple[Effect, int]])
     return sorted((score(problem, base, *found) for found in begun), key=lambda s: -s.evidence)
 
 
-def apportioned(point: Point, joint: int) -> list[Point]:
-    """A model with a play with shares of its damping behind it, and with its inertia or less."""
+def apportioned(problem: Problem, point: Point, joint: int) -> list[Point]:
+    """A model with a play with shares of its damping behind it, its laws of friction there or not, and with its inertia
+    or less."""
     free = {f.name for f in point.free}
+    points = [point]
+    if f"arm_viscous@{joint}" not in free:
+        points = [on_arms_side(point, [joint], share, share) if share else point for share in BEHIND]
+    if rubs(problem, point, joint) and f"arm_friction@{joint}" not in free:
+        points += [rubbing_behind(split, [joint], 1.0) for split in points]
     found = []
-    for behind in BEHIND if f"arm_viscous@{joint}" not in free else BEHIND[:1]:
-        split = on_arms_side(point, [joint], behind, behind) if behind else point
-        for share in LIGHTER:
-            parameters = split.parameters.copy()
-            parameters[:, joint, INERTIA] *= share
-            found.append(replace(split, parameters=parameters))
+    for split, share in product(points, LIGHTER):
+        parameters = split.parameters.copy()
+        parameters[:, joint, INERTIA] *= share
+        found.append(replace(split, parameters=parameters))
     return found
 
 

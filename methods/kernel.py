@@ -77,6 +77,7 @@ NOMINAL = (
     "stepping",
     "following",
     "arm_viscous",
+    "arm_friction",
     "arm",
     *(f"arm_shape_{i + 1}" for i in range(SHAPES)),
 )
@@ -87,6 +88,7 @@ read. stepping: 1 for a simulator that takes one semi-implicit Euler step per sa
 velocity before it, else 0. following: share of the prediction's error before a step that is added to the position in
 the laws of the motor's position; 1 where they see the readings, 0 where the prediction. In free simulation there is
 nothing to follow. arm_viscous: viscous friction behind a spring or a play; without one it adds to the other.
+arm_friction: share of dry friction and of what resists by the velocity that acts behind a spring or a play.
 """
 DAMPING = ("viscous", "back_emf", "arm_viscous")
 """Nominal parameters that add up to a joint's damping."""
@@ -108,7 +110,21 @@ LANE_ROWS = (
     *(f"FIRST_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
     *(f"SUM_{name}" for name in ("Q", "DQ", "W", "HEAT", "QL", "DQL")),
     *("MOBILITY", "VISCOUS", "EMF", "ELECTRICAL", "LIMIT", "SHARE", "OMEGA", "DAMPING", "HALF", "CONSTANT", "LATE"),
-    *("TURNED", "ERROR", "OUTER", "KNOWN", "RESIST", "BRISTLE", "PLACE", "ARM", "WEIGHT"),
+    *(
+        "TURNED",
+        "ERROR",
+        "OUTER",
+        "KNOWN",
+        "RESIST",
+        "BRISTLE",
+        "PLACE",
+        "PACE",
+        "ARM",
+        "HELD",
+        "GRIP",
+        "FIXED",
+        "WEIGHT",
+    ),
     *("MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
     *("COMMAND", "READING", "BESIDE", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN"),
@@ -117,7 +133,7 @@ LANE_ROWS = (
 )
 """Rows of the lanes' scratch: states, states within a step, their rates, the same at its beginning and summed over its
 stages, in the same order, then what the lanes need once; those of the parameters follow."""
-STANDING = ("INERTIA", "LOAD", "GRAVITY_SINE", "GRAVITY_COSINE", "FOLLOWING", "ARM_VISCOUS")
+STANDING = ("INERTIA", "LOAD", "GRAVITY_SINE", "GRAVITY_COSINE", "FOLLOWING", "ARM_VISCOUS", "ARM_FRICTION")
 """Nominal parameters that lanes read where they stand among the others."""
 IN_LANES = {
     "math.sin(": "_sine(",
@@ -318,8 +334,11 @@ def build(effects: Sequence[Effect]) -> Kernel:
 
 
 def slot_of(effect: Effect) -> str:
-    """The place of an effect's function in the template: torques of the arm's position act behind the transmission."""
-    return "arm" if (effect.slot, effect.stage, effect.variable) == ("torque", "arm", "position") else effect.slot
+    """The place of an effect's function in the template: torques of the arm's position act behind the transmission,
+    those of its velocity on either side of it."""
+    if (effect.slot, effect.stage) != ("torque", "arm"):
+        return effect.slot
+    return {"position": "arm", "velocity": "drag", "direction": "drag"}.get(effect.variable, effect.slot)
 
 
 def any_of(columns: Sequence[int]) -> str:
@@ -335,19 +354,22 @@ def lane_row(column: int) -> int:
 def _source(kernel: Kernel) -> str:
     """Source text of the kernel: the effects' functions, then the template with one guarded call per effect."""
     functions: list[str] = []
-    calls: dict[str, list[str]] = {"command": [], "gain": [], "torque": [], "arm": [], "friction": [], "sensor": []}
-    loops: dict[str, list[str]] = {"gain": [], "torque": [], "arm": [], "friction": []}
+    slots = ("command", "gain", "torque", "arm", "drag", "friction", "sensor")
+    calls: dict[str, list[str]] = {slot: [] for slot in slots}
+    loops: dict[str, list[str]] = {slot: [] for slot in ("gain", "torque", "arm", "drag", "friction")}
     lanes = {
         "gain": "S[SUM_ + l] *= {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {p})",
         "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
         "arm": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
-        "friction": "S[LEVEL_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {p})",
+        "drag": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[PACE_ + l], S[WS_ + l], {x}, {p})",
+        "friction": "S[LEVEL_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[PACE_ + l], S[WS_ + l], {p})",
     }
     call = {
         "command": "u = {f}(u, t, q, dq, w, p[{o}:{e}])",
         "gain": "g *= {f}(t, q, dq, w, p[{o}:{e}])",
         "torque": "r += {f}(t, q, dq, w, x, p[{o}:{e}])",
         "arm": "r += {f}(t, q, dq, w, x, p[{o}:{e}])",
+        "drag": "r += {f}(t, q, dq, w, x, p[{o}:{e}])",
         "friction": "level += {f}(t, q, dq, w, p[{o}:{e}])",
         "sensor": "y += {f}(q, p[{o}:{e}])",
     }
@@ -420,7 +442,7 @@ def _source(kernel: Kernel) -> str:
 
 _TEMPLATE = '''
 INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
-TIMING, STEPPING, FOLLOWING, ARM_VISCOUS, ARM = range(9, 14)
+TIMING, STEPPING, FOLLOWING, ARM_VISCOUS, ARM_FRICTION, ARM = range(9, 15)
 Q, DQ, W, A, HEAT, QL, DQL, BESIDE = range(8)
 TWIST, TWIST_RATE, WARMTH = range(3, 6)  # columns of what a joint begins with
 OTHER, LAGGING, PROMPT = range(3)  # how the motors of all lanes follow their command
@@ -539,6 +561,13 @@ def _arm_effects(t, q, dq, w, x, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _drag(t, q, dq, w, x, p, on):
+    r = 0.0
+    #drag#
+    return r
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _friction(t, q, dq, w, p, on):
     level = 0.0
     #friction#
@@ -593,17 +622,24 @@ def _rise(u, a, b):
 
 @njit(cache=True, error_model='numpy')
 def _present(on, has):
-    """Which slots have any effect: command, gain, torque, friction."""
+    """Which slots have any effect: command, gain, torque, friction, drag."""
     has[0] = _commanding(on)
     has[1] = #any_gain#
     has[2] = #any_torque# or _weighing(on)
-    has[3] = #any_friction#
+    has[3] = _dry(on)
+    has[4] = #any_drag#
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _weighing(on):
     """Whether any effect is a torque of the arm's position."""
     return #any_arm#
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _dry(on):
+    """Whether there is dry friction."""
+    return #any_friction#
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -681,17 +717,20 @@ def _yielded(r, dq, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _chain(t, q, dq, w, heat, viscous, arm, u, x, p, on, has, load):
+def _chain(t, q, dq, w, heat, viscous, arm, u, x, p, on, has, load, own):
     """Motor and torques of one joint: (w, w', heat', torque on the inertia without dry friction, level of dry
-    friction). viscous, arm: friction and torque on the arm as well, where no spring or play is in between."""
+    friction). viscous, arm: friction and torque on the arm as well, where no spring or play is in between; own: share
+    of the laws of friction that acts here."""
     w, change, heating, r = _motor(q, dq, w, heat, u, p, on)
     if has[1]:
         r *= _gain(t, q, dq, w, p, on)
     r -= viscous * dq + arm + load
     if has[2]:
         r -= _torque(t, q, dq, w, x, p, on)
+    if has[4]:
+        r -= own * _drag(t, q, dq, w, x, p, on)
     r = _yielded(r, dq, p, on)
-    level = _friction(t, q, dq, w, p, on) if has[3] else 0.0
+    level = own * _friction(t, q, dq, w, p, on) if has[3] else 0.0
     return w, change, heating, r, level
 
 
@@ -871,6 +910,28 @@ def _twisted(q, dq, ql, dql, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _gripped(t, q, dq, ql, dql, arm, level, span, p, on):
+    """Dry friction of a level on an arm behind a spring or a play, over a step of length span, under torques as they
+    are at its beginning, `arm` beside viscous friction: (sign, torque), of the level as long as it slides, and in all.
+
+    Where it would reverse within the step, it stops and rests or slides back; the torque is the mean that takes it to
+    the velocity that it has then."""
+    share, al = _twisted(q, dq, ql, dql, p, on)
+    inertia = p[INERTIA] + _payload(t, p, on)
+    pull = inertia * share * al - arm - p[ARM_VISCOUS] * dql
+    inertia *= max(share, SMALL)
+    rests = abs(pull) <= level
+    if dql == 0.0:
+        return (0.0, pull) if rests else (math.copysign(1.0, pull), 0.0)
+    sign = math.copysign(1.0, dql)
+    change = (pull - sign * level) / inertia
+    if (dql + span * change) * sign >= 0.0:
+        return sign, 0.0
+    after = 0.0 if rests else (span + dql / change) * (pull - math.copysign(level, pull)) / inertia
+    return 0.0, pull - inertia * (after - dql) / span
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _parted(q, dq, ql, dql, rhs, arm, inertia, p, on, stuck):
     """A joint with a spring or a play in a planar pair: its motor's acceleration and net torque, the torque on the arm
     behind, and the inertia there."""
@@ -962,11 +1023,13 @@ def _sides(start, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, known, level, rhs):
+def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, bristle, extra, known, level, rhs, grip,
+           span):
     """Time derivatives D of the states S (n, 8) at time t under the averaged amplifier command u (n,).
 
     bristle (n, 2): torque of bristles, and how much more it is per velocity. beside (n,): what the laws of the motor's
-    position add to it. extra, known (n,): torques from outside, on the motor and on its arm."""
+    position add to it. extra, known (n,): torques from outside, on the motor and on its arm. grip (n, 2): dry friction
+    on the arm (`_gripped`), found anew for a step of length span above zero."""
     arm1, arm2 = 0.0, 0.0
     if pair and (_minding(on[0]) or _minding(on[1])):
         for j in range(2):  # each joint of a pair sees the other one as it is simulated
@@ -978,10 +1041,19 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
         split = _flexible(on[j]) or _playing(on[j])
         arm = _on_arm(t, S[j, QL] if split else q, dq, S[j, W], x[j], p, on[j], has[j, 2], pair and j < 2)
         arm += known[j]
+        behind = p[ARM_FRICTION] if split else 0.0
+        if behind > 0.0:
+            if has[j, 4]:
+                arm += behind * _drag(t, S[j, QL], S[j, DQL], S[j, W], x[j], p, on[j])
+            held = behind * _friction(t, S[j, QL], S[j, DQL], S[j, W], p, on[j]) if has[j, 3] else 0.0
+            if held > 0.0:
+                if span > 0.0:
+                    grip[j, 0], grip[j, 1] = _gripped(t, q, dq, S[j, QL], S[j, DQL], arm, held, span, p, on[j])
+                arm += grip[j, 0] * held + grip[j, 1]
         viscous = bristle[j, 1] + (p[VISCOUS] if split else p[VISCOUS] + p[ARM_VISCOUS])
         w, D[j, W], D[j, HEAT], r, level[j] = _chain(
             t, q + beside[j], dq, S[j, W], S[j, HEAT], viscous, 0.0 if split else arm, u[j], x[j], p, on[j], has[j],
-            bristle[j, 0] + extra[j])
+            bristle[j, 0] + extra[j], 1.0 - behind)
         S[j, W] = w
         rhs[j] = r - sign[j] * level[j]
         D[j, Q] = dq
@@ -1075,7 +1147,8 @@ def _as_weight(p, on):
 @njit(cache=True, error_model='numpy')
 def _finer(P, on, h):
     """Factor on the number of steps of length h: friction that is rounded has to turn within several of them, a winding
-    lag that is no delay has to last for one, and so do the blows of a play."""
+    lag that is no delay has to last for one, and so do the blows of a play. What dry friction holds on one side of a
+    spring or a play, and lets go, is right to second order only."""
     count = 1
     for j in range(P.shape[0]):
         while count < 4 and P[j, ELECTRICAL] > 0.2 * h and count * P[j, ELECTRICAL] < h:
@@ -1089,7 +1162,12 @@ def _finer(P, on, h):
             slope = max(slope, (P[j, BLEND_P] + P[j, BLEND_P + 1]) / P[j, BLEND_P + 4])
         if YIELD >= 0 and on[j, YIELD]:
             slope = max(slope, P[j, YIELD_P + 2] * P[j, INERTIA] / P[j, YIELD_P + 1])
-        while count < 4 and slope * h > 0.4 * count * P[j, INERTIA]:
+        moved = P[j, INERTIA]
+        if _flexible(on[j]) or _playing(on[j]):
+            if P[j, ARM_FRICTION] > 0.0:
+                moved *= max(P[j, _share_column(on[j])], SMALL)
+            count = max(count, 2 if _dry(on[j]) else 1)
+        while count < 4 and slope * h > 0.4 * count * moved:
             count *= 2
         if _playing(on[j]):
             first = _play_column(on[j])
@@ -1262,12 +1340,13 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     sign = np.zeros(n); stuck = np.zeros(n, dtype=np.bool_); c = np.zeros(n)
     rises = np.zeros(n); volts = np.zeros(n); beside = np.zeros(n)
     bristle = np.zeros((n, 2)); extra = np.zeros(n); known = np.zeros(n); level = np.zeros(n); rhs = np.zeros(n)
+    grip = np.zeros((n, 2))
     xs = np.zeros((n, 3))
     keep = motion.shape[0] == T
     with_x = x.shape[0] == T
     with_extra = extra_in.shape[0] == T
     dry = np.zeros(n, dtype=np.bool_)
-    has = np.zeros((n, 4), dtype=np.bool_)
+    has = np.zeros((n, 5), dtype=np.bool_)
     for j in range(n):
         _present(on[j], has[j])
     t0 = t[0]
@@ -1323,7 +1402,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                         for m in range(7):
                             B[j, m] = S[j, m] + ahead * D[j, m] if stage else S[j, m]
                     _rates(at + ahead, B, D, beside, volts, xs, sign, stuck, n, P, on, has, pair, rigid, bristle, extra,
-                           known, level, rhs)
+                           known, level, rhs, grip, 0.0 if stage else span)
                     if stage == 0:
                         again, loose, most = False, -1, 1.0
                         for j in range(n):
@@ -1440,6 +1519,8 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
             S[(FIRST_PARAMETER + column) * LANES + l] = p[l, column]
         _present(on[l], has[l])
         parted[l] = _flexible(on[l]) or _playing(on[l])
+        if not parted[l]:
+            S[ARM_FRICTION_ + l] = 0.0
         S[PARTED_ + l], S[SPRING_ + l] = 1.0 * parted[l], 1.0 * (not _playing(on[l]))
     return springs, plays
 
@@ -1455,11 +1536,12 @@ def _seen(S, l, xs, rigid):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, weighs, motor, rippled, limited, ends,
-                 rigid, hanging):
+def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, shared, weighs, motor, rippled,
+                 limited, ends, rigid, hanging, begins):
     """Time derivatives of LANES candidates at once: the same equations as `_rates`, row by row.
 
-    has: slots that any of them fills. ends: what the motor moves, if it is the same in all of them. rigid, hanging: see
+    has: slots that any of them fills. shared: whether friction acts on an arm behind a spring or a play, too. begins:
+    whether a step does. ends: what the motor moves, if it is the same in all of them. rigid, hanging: see
     `run_lanes` and `_planar_lanes`.
     """
     if weighs:
@@ -1518,6 +1600,17 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
         #torque_lanes#
         for l in range(LANES):
             S[R_ + l] -= S[SUM_ + l]
+    for behind in range(1 if shared else 0, -1 if has[4] else 1, -1):
+        _sided(S, behind)
+        for l in range(LANES):
+            S[SUM_ + l] = 0.0
+        #drag_lanes#
+        if behind:
+            for l in range(LANES):
+                S[ARM_ + l] += S[ARM_FRICTION_ + l] * S[SUM_ + l]
+        else:
+            for l in range(LANES):
+                S[R_ + l] -= (1.0 - S[ARM_FRICTION_ + l]) * S[SUM_ + l]
     if YIELD >= 0 and all_on[YIELD]:
         for l in range(LANES):
             wanted = S[YIELD_SHARE_ + l] * (S[R_ + l] + S[INERTIA_ + l] * S[DQS_ + l] / S[YIELD_TIME_ + l])
@@ -1525,12 +1618,27 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
     elif YIELD >= 0 and any_on[YIELD]:
         for l in range(n):
             S[R_ + l] = _yielded(S[R_ + l], S[DQS_ + l], p[l], on[l])
-    if has[3]:
+    for behind in range(1 if shared else 0, -1 if has[3] else 1, -1):
+        _sided(S, behind)
         for l in range(LANES):
             S[LEVEL_ + l] = 0.0
         #friction_lanes#
-        for l in range(LANES):
-            S[R_ + l] -= S[SIGN_ + l] * S[LEVEL_ + l]
+        if behind:
+            for l in range(LANES):
+                S[HELD_ + l] = S[ARM_FRICTION_ + l] * S[LEVEL_ + l]
+        else:
+            for l in range(LANES):
+                S[LEVEL_ + l] *= 1.0 - S[ARM_FRICTION_ + l]
+                S[R_ + l] -= S[SIGN_ + l] * S[LEVEL_ + l]
+    if shared and has[3]:
+        for l in range(n):
+            if begins:
+                S[GRIP_ + l] = S[FIXED_ + l] = 0.0
+                if S[HELD_ + l] > 0.0 and S[SPAN_ + l] > 0.0:
+                    S[GRIP_ + l], S[FIXED_ + l] = _gripped(
+                        S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[ARM_ + l], S[HELD_ + l],
+                        S[SPAN_ + l], p[l], on[l])
+            S[ARM_ + l] += S[GRIP_ + l] * S[HELD_ + l] + S[FIXED_ + l]
     if rigid is not None and split:
         _parted_pairs(S, p, on, any_on, has[3], hanging)
     elif rigid is not None:
@@ -1711,6 +1819,18 @@ def _parted_pairs(S, p, on, any_on, dry, hanging):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _sided(S, behind):
+    """Where the joints are and how fast they go, in front of a spring or a play or behind it, for laws of friction."""
+    if behind:
+        _copied(S, PLACE_, QLS_, 1)
+        _copied(S, PACE_, DQLS_, 1)
+    else:
+        for l in range(LANES):
+            S[PLACE_ + l] = S[QS_ + l] + S[BESIDE_ + l]
+        _copied(S, PACE_, DQS_, 1)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _copied(S, target, source, rows):
     """So many rows of lanes into others."""
     for i in range(rows * LANES):
@@ -1794,7 +1914,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
         origin[l], ends_at[l] = begins[l], lengths[l]
         together = together and begins[l] == begins[0]
     euler, shapes = P[0, STEPPING] > 0.0, (x.shape[1] - 3) // 2
-    on, own = switches, np.zeros((n, 4), dtype=np.bool_)
+    on, own = switches, np.zeros((n, 5), dtype=np.bool_)
     since, to = np.zeros(switches.shape[1], dtype=np.int64), np.zeros(switches.shape[1], dtype=np.int64)
     for l in range(n - 1, -1, -1):  # the lanes from the first to the last that have an effect
         for column in range(switches.shape[1]):
@@ -1808,10 +1928,13 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     any_on = #union#  # numbers instead of an array: the compiler keeps them at hand
     S, p, parted = np.zeros(ROWS * LANES), np.zeros((n, STEP + 1)), np.zeros(n, dtype=np.bool_)
     springs, plays = _begin_lanes(starts, u[:, 0], begins, P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
-    slots = np.zeros(4, dtype=np.bool_)
+    slots = np.zeros(5, dtype=np.bool_)
     _present(union, slots)
-    has = (slots[0], slots[1], slots[2], slots[3])
+    has = (slots[0], slots[1], slots[2], slots[3], slots[4])
     split, warm = _flexible(any_on) or _playing(any_on), _warming(any_on)
+    shared = False
+    for l in range(n):
+        shared = shared or (parted[l] and p[l, ARM_FRICTION] > 0.0)
     hanging = HUNG >= 0 and any_on[HUNG]
     senses = _load_side(any_on) or _sensing(any_on)
     weighs = LIGHT if _weighing(any_on) or x.shape[1] > 3 or hanging else 0
@@ -1826,6 +1949,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
         direct = direct and S[LATE_ + l] == 0.0
         lagging += p[l, ELECTRICAL] > 0.0
         limited = limited or p[l, LIMIT] > 0.0
+    if shared:
+        weighs = max(weighs, LIGHT)
     motor, rippled = OTHER, RIPPLE >= 0 and all_on[RIPPLE]
     if rippled or not (RIPPLE >= 0 and any_on[RIPPLE]):
         motor = LAGGING if lagging == n else (PROMPT if lagging == 0 else OTHER)
@@ -1983,8 +2108,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                         for l in range(LANES):
                             place = (h - S[LEFT_ + l] + S[AHEAD_ + l]) * per_step - 0.5
                             S[U_ + l] = S[MEAN_ + l] + S[RISE_ + l] * place
-                    _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, weighs, motor, rippled,
-                                 limited, ends, rigid, hanging)
+                    _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, shared, weighs, motor,
+                                 rippled, limited, ends, rigid, hanging, stage == 0)
                     if stage == 0:
                         for l in range(n):
                             if S[SPAN_ + l] > 0.0:

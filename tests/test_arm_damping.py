@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from diagnosis.arm_damping import ARM_VISCOUS, arm_damping_settled, undivided
+from diagnosis.arm_damping import ARM_FRICTION, ARM_VISCOUS, arm_damping_settled, undivided
 from diagnosis.engine import find
 from diagnosis.estimation import Fitted, fit
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of, withdraw
@@ -96,6 +96,97 @@ def test_damping_is_one_number_again_without_the_spring() -> None:
     spring = SimpleNamespace(name="joint_flexibility", joint=0)
     pruned = without(problem, fitted, spring)  # type: ignore[arg-type]
     assert not any(f.name == "arm_viscous@0" for f in pruned.point.free)
+
+
+DRY, SQUARE = 0.25, 0.05
+
+
+def rubbed(seed: int, on_arm: float, law: str, seconds: float = 8.0, substeps: int = 100) -> Log:
+    """A motor that carries an arm on a spring, and friction of which a share acts on the arm; semi-implicit Euler
+    steps, dry friction as the impulse that brings each side to rest if it can."""
+    rng = np.random.default_rng(seed)
+    time = DT * np.arange(int(seconds / DT))
+    hertz = np.array([0.4, 1.1, 2.3, 4.1])
+    command = np.sum(np.sin(2 * np.pi * np.outer(time, hertz) + rng.uniform(0, 6, 4)), axis=1)
+    stiffness, damping = ARM * (2 * np.pi * HERTZ) ** 2, 2 * RATIO * ARM * 2 * np.pi * HERTZ
+    sides = (MOTOR, 1.0 - on_arm), (ARM, on_arm)
+    position, h = np.zeros(len(time)), DT / substeps
+    q, w = [0.0, 0.0], [0.0, 0.0]
+    for k, u in enumerate(command):
+        position[k] = q[0]
+        for _ in range(substeps):
+            force = stiffness * (q[0] - q[1]) + damping * (w[0] - w[1])
+            for i, (inertia, share) in enumerate(sides):
+                torque = (u - DRAG * w[0] - force) if i == 0 else force
+                torque -= share * SQUARE * abs(w[i]) * w[i] if law == "quadratic_drag" else 0.0
+                w[i] += h * torque / inertia
+                most = h * share * DRY / inertia if law == "coulomb_friction" else 0.0
+                w[i] -= min(max(w[i], -most), most)
+            q = [q[0] + h * w[0], q[1] + h * w[1]]
+    facts = JointFacts(input="current", position_unit="rad", encoder_step=STEP)
+    return Log(time, command[:, None], STEP * np.round(position[:, None] / STEP), (1,), facts=(facts,), name=f"{seed}")
+
+
+def on_the_motor(on_arm: float, law: str) -> tuple[Problem, Fitted]:
+    """The fit of a spring and a law of friction with all friction on the motor."""
+    problem = stack(KERNEL, [rubbed(seed, on_arm, law) for seed in (1, 2)], (1,))
+    known = {"inertia@0": MOTOR + ARM, "viscous@0": DRAG}
+    point = point_at(problem, (JointStructure(input="current"),))[0]
+    point = point.at(np.array([known.get(f.name, v) for f, v in zip(point.free, point.vector, strict=True)]))
+    values = np.tile([ARM / (MOTOR + ARM), HERTZ, RATIO], (problem.logs, 1))
+    point = extend(problem, point, Hypothesis(NAMED["joint_flexibility"], 0), values)
+    size = {"coulomb_friction": DRY, "quadratic_drag": SQUARE}[law]
+    return problem, fit(problem, extend(problem, point, Hypothesis(NAMED[law], 0), np.full((problem.logs, 1), size)))
+
+
+@pytest.mark.parametrize(
+    ("on_arm", "law"), [(0.4, "coulomb_friction"), (1.0, "quadratic_drag"), (0.5, "quadratic_drag")]
+)
+def test_a_law_of_friction_is_found_on_the_arm(on_arm: float, law: str) -> None:
+    problem, before = on_the_motor(on_arm, law)
+    after = arm_damping_settled(problem, before)
+    row = after.point.parameters[0, 0]
+    assert row[ARM_FRICTION] == pytest.approx(on_arm, abs=0.03)
+    assert row[KERNEL.own(NAMED[law])][0] == pytest.approx(
+        {"coulomb_friction": DRY, "quadratic_drag": SQUARE}[law], rel=0.02
+    )
+    assert rms(problem, after) < 2.0 * STEP / np.sqrt(12.0)
+    assert rms(problem, before) > 2.0 * rms(problem, after)
+    again = arm_damping_settled(problem, after)
+    assert again.criterion <= after.criterion
+
+
+def test_a_law_of_friction_on_the_motor_stays_there() -> None:
+    problem, before = on_the_motor(0.0, "coulomb_friction")
+    after = arm_damping_settled(problem, before)
+    assert after.point.parameters[0, 0, ARM_FRICTION] == 0.0
+    assert not any(f.name == "arm_friction@0" for f in after.point.free)
+
+
+@pytest.mark.parametrize("gone", ["joint_flexibility", "coulomb_friction"])
+def test_friction_has_one_side_again_without_the_spring_or_without_the_law(gone: str) -> None:
+    problem, before = on_the_motor(0.4, "coulomb_friction")
+    point = arm_damping_settled(problem, before).point
+    assert any(f.name == "arm_friction@0" for f in point.free)
+    assert undivided(problem, point) is point
+    whole = undivided(problem, withdraw(problem, point, gone, 0))
+    assert whole.parameters[0, 0, ARM_FRICTION] == 0.0
+    assert not any(f.name == "arm_friction@0" for f in whole.free)
+
+
+@pytest.mark.slow
+def test_the_search_finds_dry_friction_on_an_arm() -> None:
+    """Found on the motor first, where it is exact neither with a spring nor without."""
+    problem = stack(KERNEL, [rubbed(seed, 1.0, "coulomb_friction", 20.0) for seed in (1, 2)], (1,))
+    held_out = stack(KERNEL, [rubbed(3, 1.0, "coulomb_friction")], (1,))
+    candidates = [NAMED[name] for name in ("joint_flexibility", "coulomb_friction", "input_delay", "backlash")]
+    finding = find(problem, (JointStructure(input="current"),), candidates, held_out=held_out)
+    assert finding.verdict == "named"
+    assert {item.name for item in finding.accepted} == {"joint_flexibility", "coulomb_friction"}
+    row = finding.final.point.parameters[0, 0]
+    assert row[ARM_FRICTION] == pytest.approx(1.0, abs=0.01)
+    assert row[KERNEL.own(NAMED["coulomb_friction"])][0] == pytest.approx(DRY, rel=0.01)
+    assert rms(problem, finding.final) < 1.5 * STEP / np.sqrt(12.0)
 
 
 @pytest.mark.slow

@@ -581,6 +581,25 @@ def test_mujoco_follows_a_model_with_friction_on_the_arm(name: str) -> None:
     assert reproduction(model, exported, ["shoulder"], command)[0] < 5e-5 + 0.02 * effect
 
 
+@pytest.mark.parametrize("name", ["coulomb_friction", "quadratic_drag"])
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_mujoco_follows_a_model_with_a_share_of_a_friction_law_on_the_arm(name: str, share: float) -> None:
+    from diagnosis.mjcf_export import export, reproduction
+
+    plain = model_of({"joint_flexibility": IN_MUJOCO["joint_flexibility"], name: IN_MUJOCO[name]})
+    (part,) = plain.parts
+    model = replace(plain, parts=(replace(part, nominal={**part.nominal, "arm_friction": share}),))
+    time, command = excitation(1000)
+    exported = export(model, [0.008], ["shoulder"])
+    effect = rms(
+        model.simulate(time, command, State.at_rest(0.0)).position
+        - plain.simulate(time, command, State.at_rest(0.0)).position
+    )
+    assert exported.missing == ()
+    assert effect > 1e-4
+    assert reproduction(model, exported, ["shoulder"], command)[0] < 5e-5 + 0.05 * effect
+
+
 @pytest.mark.parametrize("effect", [effect for effect in built_in() if effect.parameters], ids=lambda e: e.name)
 def test_mujoco_loads_an_effect_at_its_lower_bounds(effect: Effect) -> None:
     from diagnosis.mjcf_export import export, reproduction

@@ -44,6 +44,7 @@ def candidates(count: int, seed: int, effects: int) -> tuple[np.ndarray, np.ndar
         own[:, column["inertia"]] = rng.uniform(0.02, 0.08)
         own[:, column["viscous"]], own[:, column["back_emf"]] = rng.uniform(0.05, 0.2, 2)
         own[:, column["arm_viscous"]] = rng.choice([0.0, 0.1])
+        own[:, column["arm_friction"]] = rng.choice([0.0, 0.4, 1.0])
         own[:, column["electrical_time_constant"]] = rng.choice([0.0, 3e-4, 1.5e-3, 4e-3])
         own[:, column["torque_square_mean"]] = 4.0
         own[:, column["timing"]] = rng.choice([0.0, 1e-3])

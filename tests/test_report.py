@@ -477,6 +477,16 @@ def test_damping_of_an_arm_behind_a_spring_has_its_equation_and_no_shift() -> No
     assert [parameter.name for parameter in joint.nominal if parameter.is_new] == ["arm_damping"]
 
 
+def test_friction_laws_of_an_arm_behind_a_spring_have_their_share_in_the_equations() -> None:
+    joint = joint_result(1, "named", "log")
+    share = nominal("arm_friction", "1", None, (0.0, 0.0), (0.6, 0.02))
+    lines = [formula.tex for formula in model_equations(replace(joint, nominal=(*joint.nominal, share)))]
+    assert sum(r"\lambda\,\tau_f(\dot q_l)" in line for line in lines) == 1
+    assert not any(r"\lambda" in formula.tex for formula in model_equations(joint))
+    with report_style():
+        assert all(equation(line, "law").startswith("<svg") for line in lines)
+
+
 @pytest.mark.parametrize(("joint", "other"), [(1, 2), (2, 1)])
 def test_equations_of_a_planar_pair_are_those_of_the_arm(joint: int, other: int) -> None:
     """Lagrange's equations of two links, p1 + p2 + 2 p3 cos q2 and so on, written out and compared as numbers."""

@@ -195,6 +195,11 @@ class Effect:
         return self.drives or self.slot == "gain" or self._reads(MOTOR_TORQUE.get(self.slot))
 
     @property
+    def is_dry(self) -> bool:
+        """Whether it is dry friction, or contains it."""
+        return "coulomb_friction" in (self.label, *self.includes)
+
+    @property
     def has_time(self) -> bool:
         """Whether time enters its law."""
         return self.scan in ("time", "event") or self._reads(TIME.get(self.slot))

@@ -16,7 +16,7 @@ from diagnosis.estimation import Fitted, Point, fit
 from diagnosis.problem import Free, Problem
 from diagnosis.turns import free_of_filter, in_turns
 from methods.effects.base import Effect
-from methods.kernel import DAMPING, NOMINAL, slot_of
+from methods.kernel import DAMPING, NOMINAL, acts_on_either_side
 from methods.parallel import each
 
 VISCOUS, BACK_EMF, ARM_VISCOUS = (NOMINAL.index(name) for name in DAMPING)
@@ -105,8 +105,14 @@ def _is_split(problem: Problem, point: Point, joint: int) -> bool:
 
 def rubs(problem: Problem, point: Point, joint: int) -> bool:
     """Whether a joint has a spring or a play, and a law of friction that may act behind it."""
-    laws = any(slot_of(effect) in ("drag", "friction") for effect in _present(problem, point, joint))
+    laws = any(acts_on_either_side(effect) for effect in _present(problem, point, joint))
     return laws and _is_split(problem, point, joint)
+
+
+def may_rub_behind(problem: Problem, point: Point, effect: Effect, joint: int) -> bool:
+    """Whether a law of friction can be the first one of a joint with a spring or a play, and act behind that."""
+    first = not any(acts_on_either_side(other) for other in _present(problem, point, joint))
+    return first and acts_on_either_side(effect) and not problem.pair and _is_split(problem, point, joint)
 
 
 def _begun_viscous(point: Point, joints: list[int]) -> list[Point]:

@@ -89,6 +89,7 @@ from diagnosis.timing import timing_settled
 from diagnosis.turns import either_way, free_of_filter, in_turns
 from diagnosis.verdict import allowance, unexplained, verdict
 from methods.effects.base import Effect
+from methods.kernel import acts_on_either_side
 from methods.parallel import each
 
 JITTER = "timestamp_jitter"
@@ -112,11 +113,12 @@ def find(
     """Name what the nominal model misses. held_out: data that are not fitted, on which weak effects have to show.
 
     The whole band of the encoder decides: there an exact model leaves nothing but noise. Where it hardly tells models
-    apart (`is_foreseen`), its search begins from what the band shows in which the joint moved. Where something is left
-    (`unknown`), the effects are sought again in that band, and those that shape the motion there are reported, unless
-    those of the whole band do better there, too; the verdict stays. Only where the search in the whole band, begun
-    again from them, leaves nothing, they are what was missing. Torques of the rest of an arm come from smoothed motion
-    and are right in its band only: where that shows nothing and neither search has found an effect, there is none.
+    apart (`is_foreseen`), its search begins from what the band shows in which the joint moved, and begins anew where
+    the model that came of that is no better there. Where something is left (`unknown`), the effects are sought again in
+    that band, and those that shape the motion there are reported, unless those of the whole band do better there, too;
+    the verdict stays. Only where the search in the whole band, begun again from them, leaves nothing, they are what was
+    missing. Torques of the rest of an arm come from smoothed motion and are right in its band only: where that shows
+    nothing and neither search has found an effect, there is none.
     """
     settings = settings or Settings()
     with threadpool_limits(1, "blas"):  # the kernels run in parallel; matrix products of this size do not gain from it
@@ -136,9 +138,15 @@ def _find(
     if is_foreseen(problem, search.nominal):
         banded = in_motion(replace(problem, work=Work()), structures, effects, settings, tell, is_first=True)
         longer = continued(search, banded, search.nominal.criterion, held_out)
-        if longer is not None and longer.verdict != "unknown":
-            return quiet(problem, longer, effects, settings, held_out)
+    settled = None if longer is None or longer.verdict == "unknown" else longer
+    if settled is not None and not is_foreseen(problem, settled.final):
+        return quiet(problem, settled, effects, settings, held_out)
     whole = search.concluded(search.completed(search.grown(search.start)), held_out)
+    if settled is not None:  # its errors are as slow as those of the nominal model were: noise, or another law
+        likelier = cost(problem, settled.final, settled.accepted) - settings.threshold
+        if cost(problem, whole.final, whole.accepted) >= likelier:
+            return quiet(problem, settled, effects, settings, held_out)
+        longer = None
     if whole.verdict in ("none", "named"):
         return quiet(problem, whole, effects, settings, held_out)
     dearest = cost(problem, whole.final, whole.accepted) - settings.threshold
@@ -655,20 +663,34 @@ class Search:
         return replace(path, is_cut=is_cut)
 
     def with_play(self, path: Path) -> Path:
-        """The path, or the one that begins with a play, where something is left that this explains.
+        """The path, or the one that begins with a play, where something is left that this explains, or where it is
+        taken for slow noise.
 
-        Few of its starting values come close to the motion, and what other laws imitate of it is found first.
+        Few of its starting values come close to the motion, and what other laws imitate of it is found first. It is
+        begun by itself and beside the friction of the path: friction holds an arm in its play, which drifts without.
         """
         has_play = any(item.effect.scatters for item in path.accepted)
-        if has_play or not self.incomplete(path) or self.is_over:
+        asks = self.incomplete(path) or is_foreseen(self.problem, path.base)
+        if has_play or not asks or self.is_over:
             return path
         self.tell("a play, begun from everywhere")
-        ranked = plays(self.problem, self.nominal, self.candidates(self.start, is_full=False))
-        chosen = choose(self.problem, self.nominal, ranked, self.settings, 0.0)
-        if chosen is None:
-            return path
-        other = self.grown(self.advanced(self.start, chosen))
-        return other if self.cost(other) < self.cost(path) - self.settings.threshold else path
+        bare, best = replace(self.start, base=self.nominal), path
+        rubbing = tuple(item for item in path.accepted if acts_on_either_side(item.effect))
+        for begun in (bare, self.reduced(path, rubbing)) if rubbing else (bare,):
+            ranked = plays(self.problem, begun.base, self.candidates(begun, is_full=False))
+            explained = self.nominal.criterion - begun.base.criterion
+            chosen = choose(self.problem, begun.base, ranked, self.settings, explained, begun.accepted)
+            if chosen is not None:
+                other = self.grown(self.advanced(begun, chosen))
+                best = other if self.cost(other) < self.cost(best) - self.settings.threshold else best
+        return best
+
+    def reduced(self, path: Path, kept: tuple[Accepted, ...]) -> Path:
+        """The path with some of its effects only, refitted without the others."""
+        base = path.base
+        for item in path.accepted:
+            base = base if item in kept else without(self.problem, base, item)
+        return shortened(path, kept, base)
 
     def concluded(self, path: Path, held_out: Problem | None = None) -> Finding:
         """What stands at the end of a path: effects that are not needed are taken back, and the verdict is given."""

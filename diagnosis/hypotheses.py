@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
+from diagnosis.arm_damping import may_rub_behind, rubbing_behind
 from diagnosis.behind import borne
 from diagnosis.estimation import Fitted, Point, errors, predicted_motion, scatters
 from diagnosis.glance import Glance, can_be_glanced_at
@@ -57,13 +58,15 @@ PER_LOG = {"periodic_disturbance": (0, 1)}
 class Hypothesis:
     """One effect on one joint (index into the problem's joints); log: the only log it lives in, or -1 for all.
 
-    apart: the logs in each of which it happens at an instant of its own, if it does so.
+    apart: the logs in each of which it happens at an instant of its own, if it does so. behind: whether it is a law of
+    friction that begins behind the joint's spring or play.
     """
 
     effect: Effect
     joint: int
     log: int = -1
     apart: tuple[int, ...] = ()
+    behind: bool = False
 
     @property
     def where(self) -> str:
@@ -72,7 +75,8 @@ class Hypothesis:
 
     @property
     def key(self) -> str:
-        return f"{self.effect.name}@{self.joint}{self.where}" + (f"{self.log}" if self.log >= 0 else "")
+        side = "behind" if self.behind else ""
+        return f"{self.effect.name}@{self.joint}{self.where}{side}" + (f"{self.log}" if self.log >= 0 else "")
 
     def logs_of(self, parameter: int, logs: int) -> tuple[int, ...]:
         """The logs, of so many, that have a value of their own of a parameter; -1 for one value in all."""
@@ -110,6 +114,8 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
     effect, j = hypothesis.effect, hypothesis.joint
     if point.switches[j, problem.kernel.switches[effect.name]]:
         point = withdraw(problem, point, effect.name, j)
+    if hypothesis.behind and f"arm_friction@{j}" not in {f.name for f in point.free}:
+        point = rubbing_behind(point, [j], 1.0)
     offset = problem.kernel.offsets[effect.name]
     parameters, switches = point.parameters.copy(), point.switches.copy()
     if effect.scatters or scatters(problem, point, j):
@@ -210,7 +216,12 @@ def proposals(
         elif effect.starts is not None:
             every = list(effect.starts(sizes[joint]))
             shapes = len({tuple(v[i] for i in effect.shapes) for v in every})
-            jobs += [(Hypothesis(effect, joint), np.tile(np.array(v, float), (problem.logs, 1)), shapes) for v in every]
+            sides = (False, True) if may_rub_behind(problem, views[0].fitted.point, effect, joint) else (False,)
+            jobs += [
+                (Hypothesis(effect, joint, behind=side), np.tile(np.array(v, float), (problem.logs, 1)), shapes)
+                for side in sides
+                for v in every
+            ]
     found: list[dict[str, list[Start]]] = [{} for _ in views]
     if look is None:
         proposed = _regressions(problem, views, jobs)
@@ -220,8 +231,8 @@ def proposals(
         long = iter(_regressions(problem, views, [job for job, own in zip(jobs, brief, strict=True) if not own]))
         proposed = [next(short if own else long) for own in brief]
     for (hypothesis, _, _), starts in zip(jobs, proposed, strict=True):
-        # an event in all logs and one in a single log are told apart by a fit only
-        key = f"{hypothesis.effect.name}@{hypothesis.joint}{hypothesis.where}"
+        # an event in all logs and one in a single log are told apart by a fit only, and so are the sides of a spring
+        key = f"{hypothesis.effect.name}@{hypothesis.joint}{hypothesis.where}{hypothesis.behind}"
         for own, start in zip(found, starts, strict=True):
             own.setdefault(key, []).append(start)
     lists = []

@@ -111,7 +111,7 @@ def price(problem: Problem, start: Start, samples: int) -> float:
     """What an effect is charged: ln N per parameter and 2 ln(number of shapes searched)."""
     effect = start.hypothesis.effect
     extra = sum(problem.logs - 1 for f in effect.parameters if f.name in ("sine", "cosine") and effect.scan == "time")
-    extra += max(len(start.hypothesis.apart) - 1, 0)
+    extra += max(len(start.hypothesis.apart) - 1, 0) + int(start.hypothesis.behind)
     return (effect.size + extra) * np.log(samples) + 2.0 * np.log(float(max(start.searched, 1)))
 
 

@@ -341,6 +341,12 @@ def slot_of(effect: Effect) -> str:
     return {"position": "arm", "velocity": "drag", "direction": "drag"}.get(effect.variable, effect.slot)
 
 
+def acts_on_either_side(effect: Effect) -> bool:
+    """Whether an effect is a law of friction of which a share can act behind a spring or a play: not one of bristles,
+    which have a state of their own."""
+    return slot_of(effect) in ("drag", "friction") or STRUCTURAL.get(effect.name) == "YIELD"
+
+
 def any_of(columns: Sequence[int]) -> str:
     """Source text that asks whether any of these switches is on."""
     return " or ".join(f"on[{column}]" for column in columns) or "False"
@@ -708,11 +714,12 @@ def _motor(q, dq, w, heat, u, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _yielded(r, dq, p, on):
-    """Net torque behind a friction that gives way like a constraint."""
+def _yielded(r, dq, inertia, own, p, on):
+    """Net torque behind a friction that gives way like a constraint, of which a share acts on an inertia."""
     if YIELD >= 0 and on[YIELD]:
-        wanted = p[YIELD_P + 2] * (r + p[INERTIA] * dq / p[YIELD_P + 1])
-        r -= min(max(wanted, -p[YIELD_P]), p[YIELD_P])
+        wanted = p[YIELD_P + 2] * (r + inertia * dq / p[YIELD_P + 1])
+        level = own * p[YIELD_P]
+        r -= min(max(wanted, -level), level)
     return r
 
 
@@ -729,7 +736,7 @@ def _chain(t, q, dq, w, heat, viscous, arm, u, x, p, on, has, load, own):
         r -= _torque(t, q, dq, w, x, p, on)
     if has[4]:
         r -= own * _drag(t, q, dq, w, x, p, on)
-    r = _yielded(r, dq, p, on)
+    r = _yielded(r, dq, p[INERTIA], own, p, on)
     level = own * _friction(t, q, dq, w, p, on) if has[3] else 0.0
     return w, change, heating, r, level
 
@@ -910,16 +917,21 @@ def _twisted(q, dq, ql, dql, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _pulled(t, q, dq, ql, dql, arm, p, on):
+    """Net torque on an arm behind a spring or a play, `arm` against it beside viscous friction, and its inertia."""
+    share, al = _twisted(q, dq, ql, dql, p, on)
+    inertia = p[INERTIA] + _payload(t, p, on)
+    return inertia * share * al - arm - p[ARM_VISCOUS] * dql, inertia * max(share, SMALL)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _gripped(t, q, dq, ql, dql, arm, level, span, p, on):
     """Dry friction of a level on an arm behind a spring or a play, over a step of length span, under torques as they
     are at its beginning, `arm` beside viscous friction: (sign, torque), of the level as long as it slides, and in all.
 
     Where it would reverse within the step, it stops and rests or slides back; the torque is the mean that takes it to
     the velocity that it has then."""
-    share, al = _twisted(q, dq, ql, dql, p, on)
-    inertia = p[INERTIA] + _payload(t, p, on)
-    pull = inertia * share * al - arm - p[ARM_VISCOUS] * dql
-    inertia *= max(share, SMALL)
+    pull, inertia = _pulled(t, q, dq, ql, dql, arm, p, on)
     rests = abs(pull) <= level
     if dql == 0.0:
         return (0.0, pull) if rests else (math.copysign(1.0, pull), 0.0)
@@ -1050,6 +1062,9 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
                 if span > 0.0:
                     grip[j, 0], grip[j, 1] = _gripped(t, q, dq, S[j, QL], S[j, DQL], arm, held, span, p, on[j])
                 arm += grip[j, 0] * held + grip[j, 1]
+            if YIELD >= 0 and on[j, YIELD]:
+                pull, inertia = _pulled(t, q, dq, S[j, QL], S[j, DQL], arm, p, on[j])
+                arm += pull - _yielded(pull, S[j, DQL], inertia, behind, p, on[j])
         viscous = bristle[j, 1] + (p[VISCOUS] if split else p[VISCOUS] + p[ARM_VISCOUS])
         w, D[j, W], D[j, HEAT], r, level[j] = _chain(
             t, q + beside[j], dq, S[j, W], S[j, HEAT], viscous, 0.0 if split else arm, u[j], x[j], p, on[j], has[j],
@@ -1147,8 +1162,8 @@ def _as_weight(p, on):
 @njit(cache=True, error_model='numpy')
 def _finer(P, on, h):
     """Factor on the number of steps of length h: friction that is rounded has to turn within several of them, a winding
-    lag that is no delay has to last for one, and so do the blows of a play. What dry friction holds on one side of a
-    spring or a play, and lets go, is right to second order only."""
+    lag that is no delay has to last for one, and so do the blows of a play and what swings on bristles. What dry
+    friction holds on one side of a spring or a play, and lets go, is right to second order only."""
     count = 1
     for j in range(P.shape[0]):
         while count < 4 and P[j, ELECTRICAL] > 0.2 * h and count * P[j, ELECTRICAL] < h:
@@ -1169,6 +1184,10 @@ def _finer(P, on, h):
             count = max(count, 2 if _dry(on[j]) else 1)
         while count < 4 and slope * h > 0.4 * count * moved:
             count *= 2
+        if _bristled(on[j]):
+            first = _bristle_column(on[j])
+            while count < 4 and P[j, first] * h * h > 0.01 * count * count * P[j, INERTIA] * P[j, first + 1]:
+                count *= 2
         if _playing(on[j]):
             first = _play_column(on[j])
             rate = 2.0 * math.pi * P[j, first + 2] / math.sqrt(1.0 - P[j, first + 1])
@@ -1254,6 +1273,12 @@ def _bristled(on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _bristle_column(on):
+    """Where the parameters of bristles begin: level and deflection."""
+    return DAHL_P if DAHL >= 0 and on[DAHL] else (LUGRE_P if LUGRE >= 0 and on[LUGRE] else BRISTLE_P)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _bristle(z, dq, h, p, on):
     """Torque of a bristle over a step, its deflection in the middle, by the exact flow at the velocity dq before the
     step, and how much more torque it takes per velocity.
@@ -1263,7 +1288,7 @@ def _bristle(z, dq, h, p, on):
     """
     general = DAHL >= 0 and on[DAHL]
     falling = LUGRE >= 0 and on[LUGRE]
-    first = DAHL_P if general else (LUGRE_P if falling else BRISTLE_P)
+    first = _bristle_column(on)
     top = max(p[first + 1], 1e-12)
     stiffness = p[first] / top
     if falling:
@@ -1614,10 +1639,11 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
     if YIELD >= 0 and all_on[YIELD]:
         for l in range(LANES):
             wanted = S[YIELD_SHARE_ + l] * (S[R_ + l] + S[INERTIA_ + l] * S[DQS_ + l] / S[YIELD_TIME_ + l])
-            S[R_ + l] -= min(max(wanted, -S[YIELD_LEVEL_ + l]), S[YIELD_LEVEL_ + l])
+            level = (1.0 - S[ARM_FRICTION_ + l]) * S[YIELD_LEVEL_ + l]
+            S[R_ + l] -= min(max(wanted, -level), level)
     elif YIELD >= 0 and any_on[YIELD]:
         for l in range(n):
-            S[R_ + l] = _yielded(S[R_ + l], S[DQS_ + l], p[l], on[l])
+            S[R_ + l] = _yielded(S[R_ + l], S[DQS_ + l], p[l, INERTIA], 1.0 - S[ARM_FRICTION_ + l], p[l], on[l])
     for behind in range(1 if shared else 0, -1 if has[3] else 1, -1):
         _sided(S, behind)
         for l in range(LANES):
@@ -1639,6 +1665,11 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
                         S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[ARM_ + l], S[HELD_ + l],
                         S[SPAN_ + l], p[l], on[l])
             S[ARM_ + l] += S[GRIP_ + l] * S[HELD_ + l] + S[FIXED_ + l]
+    for l in range(n if shared and YIELD >= 0 and any_on[YIELD] else 0):
+        if S[ARM_FRICTION_ + l] > 0.0:
+            pull, inertia = _pulled(
+                S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[ARM_ + l], p[l], on[l])
+            S[ARM_ + l] += pull - _yielded(pull, S[DQLS_ + l], inertia, S[ARM_FRICTION_ + l], p[l], on[l])
     if rigid is not None and split:
         _parted_pairs(S, p, on, any_on, has[3], hanging)
     elif rigid is not None:

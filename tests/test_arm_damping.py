@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from diagnosis.arm_damping import ARM_FRICTION, ARM_VISCOUS, arm_damping_settled, undivided
+from diagnosis.arm_damping import (
+    ARM_FRICTION,
+    ARM_VISCOUS,
+    arm_damping_settled,
+    may_rub_behind,
+    rubbing_behind,
+    undivided,
+)
 from diagnosis.engine import find
 from diagnosis.estimation import Fitted, fit
-from diagnosis.hypotheses import Hypothesis, extend, sizes_of, withdraw
+from diagnosis.hypotheses import Hypothesis, extend, proposals, sizes_of, withdraw
 from diagnosis.nominal import JointStructure, fit_nominal, point_at
 from diagnosis.problem import Problem, stack
 from diagnosis.pruning import without
-from diagnosis.search import met
+from diagnosis.regression import View
+from diagnosis.search import met, price, try_all
 from envs.log import JointFacts, Log
 from methods.effects import built_in
 from methods.kernel import NOMINAL, build
@@ -161,6 +170,34 @@ def test_a_law_of_friction_on_the_motor_stays_there() -> None:
     after = arm_damping_settled(problem, before)
     assert after.point.parameters[0, 0, ARM_FRICTION] == 0.0
     assert not any(f.name == "arm_friction@0" for f in after.point.free)
+
+
+@pytest.mark.parametrize("on_arm", [1.0, 0.0])
+def test_a_law_of_friction_beside_a_spring_is_begun_on_both_sides(on_arm: float) -> None:
+    """From the wrong one a fit may not find the way to the other."""
+    problem, whole = on_the_motor(on_arm, "coulomb_friction")
+    if on_arm:
+        point = rubbing_behind(whole.point, [0], 1.0)
+        known = {"inertia@0": MOTOR + ARM, "viscous@0": DRAG, "coulomb_friction.torque@0": DRY, "arm_friction@0": 1.0}
+        spring = {"inertia_ratio": ARM / (MOTOR + ARM), "frequency": HERTZ, "damping_ratio": RATIO}
+        known |= {f"joint_flexibility.{name}@0": value for name, value in spring.items()}
+        vector = [known.get(f.name, v) for f, v in zip(point.free, point.vector, strict=True)]
+        whole = fit(problem, point.at(np.array(vector)))
+    base = fit(problem, undivided(problem, withdraw(problem, whole.point, "coulomb_friction", 0)))
+    law, sizes = NAMED["coulomb_friction"], sizes_of(problem, base)
+    begun = proposals(problem, [View.of(problem, base)], [(law, 0)], sizes)[0]
+    assert {start.hypothesis.behind for start in begun} == {True, False}
+    start = next(start for start in begun if start.hypothesis.behind)
+    point = extend(problem, base.point, start.hypothesis, start.values)
+    assert point.parameters[0, 0, ARM_FRICTION] == 1.0
+    assert any(f.name == "arm_friction@0" for f in point.free)
+    assert not may_rub_behind(problem, point, NAMED["quadratic_drag"], 0)  # it would go where the first one is
+    before = replace(start, hypothesis=replace(start.hypothesis, behind=False))
+    assert price(problem, start, 1000) - price(problem, before, 1000) == pytest.approx(np.log(1000))
+    (best,) = try_all(problem, base, [(law, 0)])
+    assert best.start.hypothesis.behind == (on_arm == 1.0)
+    assert best.fitted.point.parameters[0, 0, ARM_FRICTION] == pytest.approx(on_arm, abs=0.02)
+    assert best.fitted.point.parameters[0, 0, KERNEL.own(law)][0] == pytest.approx(DRY, rel=0.02)
 
 
 @pytest.mark.parametrize("gone", ["joint_flexibility", "coulomb_friction"])

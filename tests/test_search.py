@@ -833,11 +833,12 @@ def test_what_was_taken_first_goes_where_those_after_it_do_as_well_alone() -> No
     assert search.exchanged(other) is other
 
 
-@pytest.mark.parametrize("is_left", [True, False])
-def test_a_play_is_begun_from_everywhere_only_where_something_is_left(
-    is_left: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("is_left", "is_slow"), [(True, False), (False, True), (False, False)])
+def test_a_play_is_begun_from_everywhere_only_where_something_is_left_or_taken_for_slow_noise(
+    is_left: bool, is_slow: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What it explains stays if it costs less; here friction is what is said to have been found so."""
+    """What it explains stays if it costs less; here friction is what is said to have been found so. It is begun by
+    itself, and beside what of the path is friction."""
     noise = 2e-3 * np.random.default_rng(0).standard_normal(5000)
     problem = problem_of({"coulomb_friction": {"torque": 0.2}}, noise)
     nominal = fit_nominal(problem, (JointStructure(),))
@@ -847,11 +848,15 @@ def test_a_play_is_begun_from_everywhere_only_where_something_is_left(
         accepted(problem, nominal, *law) for law in (("quadratic_drag", [0.01]), ("coulomb_friction", [0.2]))
     )
     found = [friction.scored]
-    monkeypatch.setattr("diagnosis.engine.plays", lambda *given: found)
+    bases = []
+    monkeypatch.setattr("diagnosis.engine.plays", lambda problem, base, *given: bases.append(base) or found)
+    monkeypatch.setattr("diagnosis.engine.is_foreseen", lambda problem, fitted: is_slow)
     monkeypatch.setattr(Search, "incomplete", lambda self, path: is_left)
     path = Path(drag.scored.fitted, (drag,), frozenset({("quadratic_drag", 0)}), (nominal,))
     other = search.with_play(path)
-    assert [item.label for item in other.accepted] == ["coulomb_friction" if is_left else "quadratic_drag"]
+    begun = is_left or is_slow
+    assert [item.label for item in other.accepted] == ["coulomb_friction" if begun else "quadratic_drag"]
+    assert [base.point.switches.sum() for base in bases] == ([0, 1] if begun else [])
     found.clear()
     assert search.with_play(path) is path
 

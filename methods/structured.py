@@ -30,6 +30,8 @@ DIVERGED = 1e6
 INVERSION_LEAK = 30.0
 """Rate at which the simulation inside the inversion is pulled to the motion [1/s]."""
 INVERSION_ROUNDS = 12
+INSTANT = 1e-9
+"""Step of a look at the rates of change [s]."""
 COMPENSATOR = "compensator"
 """Name of the network among the parts of a model that can be left out."""
 
@@ -343,8 +345,8 @@ class Session:
         n, module = len(start), self.model.kernel.module
         if not np.any(parameters[:, NOMINAL.index("electrical_time_constant")]):
             return start[:, 2]
-        parameters = module._resolved(parameters, 1e-9)
-        present = np.zeros((n, 4), dtype=bool)
+        parameters = module._resolved(parameters, INSTANT)
+        present = np.zeros((n, 5), dtype=bool)
         for j in range(n):
             module._present(switches[j], present[j])
         sign, still = np.sign(start[:, 1]), np.zeros(n, dtype=bool)
@@ -356,7 +358,7 @@ class Session:
             module.begin(begun, self.command[0], states, parameters, switches)
             module._rates(
                 0.0, states, rates, np.zeros(n), self.command[0], near, sign, still, n, parameters, switches, present,
-                pair, rigid, np.zeros((n, 2)), *np.zeros((4, n)),
+                pair, rigid, np.zeros((n, 2)), *np.zeros((4, n)), np.zeros((n, 2)), INSTANT,
             )  # fmt: skip
             return rates[:, 1]
 

@@ -17,7 +17,7 @@ SYMBOLS = {
     "gravity_cosine": "G_c",
     "load": "L",
     "arm_damping": "b_l",
-    "arm_friction": r"\lambda",
+    "arm_friction_share": r"\lambda",
     "shared_inertia": "P",
     "coupling_inertia": "K",
 }
@@ -64,7 +64,7 @@ def model_equations(joint: JointResult) -> tuple[Formula, ...]:
     elif motor == "w":
         motor = driven
     lines.append(Formula(f"{' + '.join(terms)} = {motor}", None))
-    if "arm_friction" in names:
+    if "arm_friction_share" in names:
         lines.append(Formula(RUBBING, None))
     if joint.beside is not None and f"W_{joint.beside}" in terms:
         lines.append(Formula(rf"W_{joint.beside} = \mathrm{{gravity\ of\ joint\ {joint.beside}}}", None))

@@ -302,7 +302,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "damping": DAMPING,
     **{name: (name,) for name in NOMINAL[3:7]},
     "arm_damping": ("arm_viscous",),
-    "arm_friction": ("arm_friction",),
+    "arm_friction_share": ("arm_friction",),
 }
 """Nominal parameters as they are reported; command and angle determine the damping as a whole."""
 COUPLING = {"shared_inertia": 2, "coupling_inertia": 0}

@@ -479,7 +479,7 @@ def test_damping_of_an_arm_behind_a_spring_has_its_equation_and_no_shift() -> No
 
 def test_friction_laws_of_an_arm_behind_a_spring_have_their_share_in_the_equations() -> None:
     joint = joint_result(1, "named", "log")
-    share = nominal("arm_friction", "1", None, (0.0, 0.0), (0.6, 0.02))
+    share = nominal("arm_friction_share", "1", None, (0.0, 0.0), (0.6, 0.02))
     lines = [formula.tex for formula in model_equations(replace(joint, nominal=(*joint.nominal, share)))]
     assert sum(r"\lambda\,\tau_f(\dot q_l)" in line for line in lines) == 1
     assert not any(r"\lambda" in formula.tex for formula in model_equations(joint))

@@ -674,9 +674,8 @@ class Search:
         if has_play or not asks or self.is_over:
             return path
         self.tell("a play, begun from everywhere")
-        bare, best = replace(self.start, base=self.nominal), path
-        rubbing = tuple(item for item in path.accepted if acts_on_either_side(item.effect))
-        for begun in (bare, self.reduced(path, rubbing)) if rubbing else (bare,):
+        best, rubbing = path, tuple(item for item in path.accepted if acts_on_either_side(item.effect))
+        for begun in (self.start, self.reduced(path, rubbing)) if rubbing else (self.start,):
             ranked = plays(self.problem, begun.base, self.candidates(begun, is_full=False))
             explained = self.nominal.criterion - begun.base.criterion
             chosen = choose(self.problem, begun.base, ranked, self.settings, explained, begun.accepted)

@@ -26,6 +26,7 @@ from diagnosis.hypotheses import adjoint
 from diagnosis.jitter import jitter
 from diagnosis.problem import Problem, bandwidth
 from diagnosis.projection import project
+from diagnosis.replay import rms
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array
 
@@ -216,7 +217,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         tuple(sorted(found, key=lambda d: -d.decrease / d.functions)),
         float(gain(every) - base),
         sum(len(r) for r in responses.values()),
-        _rms(torque[problem.used]) / max(_rms(problem.command[problem.used, joint]), 1e-150),
+        rms(torque[problem.used]) / max(rms(problem.command[problem.used, joint]), 1e-150),
         *disturbance(problem, spectrum, motion),
         *(disturbance(problem, spectrum, motion, WIDER) if shows_blows(problem, fitted, joint) else (0.0, 0.0)),
         drifts(problem, fitted, joint, scatter),
@@ -457,7 +458,3 @@ def spectral_deviation(problem: Problem, fitted: Fitted, joint: int, count: int)
     covariance = float(fitted.variances[joint]) * share * cho_solve(taken.factors[joint], slope)
     deviation = 2.0 * np.sqrt(np.sum(slope * covariance, axis=0))
     return np.interp(np.linspace(0.0, 1.0, count // 2 + 1), np.linspace(0.0, 1.0, len(deviation)), deviation)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -109,6 +109,7 @@ def test_damping_is_one_number_again_without_the_spring() -> None:
 
 
 DRY, SQUARE = 0.25, 0.05
+SIZES = {"coulomb_friction": DRY, "quadratic_drag": SQUARE}
 
 
 def rubbed(seed: int, on_arm: float, law: str, seconds: float = 8.0, substeps: int = 100) -> Log:
@@ -146,8 +147,8 @@ def on_the_motor(on_arm: float, law: str) -> tuple[Problem, Fitted]:
     point = point.at(np.array([known.get(f.name, v) for f, v in zip(point.free, point.vector, strict=True)]))
     values = np.tile([ARM / (MOTOR + ARM), HERTZ, RATIO], (problem.logs, 1))
     point = extend(problem, point, Hypothesis(NAMED["joint_flexibility"], 0), values)
-    size = {"coulomb_friction": DRY, "quadratic_drag": SQUARE}[law]
-    return problem, fit(problem, extend(problem, point, Hypothesis(NAMED[law], 0), np.full((problem.logs, 1), size)))
+    values = np.full((problem.logs, 1), SIZES[law])
+    return problem, fit(problem, extend(problem, point, Hypothesis(NAMED[law], 0), values))
 
 
 @pytest.mark.parametrize(
@@ -158,9 +159,7 @@ def test_a_law_of_friction_is_found_on_the_arm(on_arm: float, law: str) -> None:
     after = arm_damping_settled(problem, before)
     row = after.point.parameters[0, 0]
     assert row[ARM_FRICTION] == pytest.approx(on_arm, abs=0.03)
-    assert row[KERNEL.own(NAMED[law])][0] == pytest.approx(
-        {"coulomb_friction": DRY, "quadratic_drag": SQUARE}[law], rel=0.02
-    )
+    assert row[KERNEL.own(NAMED[law])][0] == pytest.approx(SIZES[law], rel=0.02)
     assert rms(problem, after) < 2.0 * STEP / np.sqrt(12.0)
     assert rms(problem, before) > 2.0 * rms(problem, after)
     again = arm_damping_settled(problem, after)

@@ -564,40 +564,33 @@ def test_mujoco_follows_the_extended_model(name: str) -> None:
     assert difference < 5e-5 + 0.02 * effect
 
 
-@pytest.mark.parametrize("name", ["coulomb_friction", "joint_flexibility"])
-def test_mujoco_follows_a_model_with_friction_on_the_arm(name: str) -> None:
+def moved_on_the_arm(effects: dict[str, dict[str, float]], **friction: float) -> tuple[float, float]:
+    """Rms by which friction on the arm moves a model, and by which MuJoCo, which lacks nothing of it, differs then."""
     from diagnosis.mjcf_export import export, reproduction
 
-    plain = model_of({name: IN_MUJOCO[name]})
+    plain = model_of(effects)
     (part,) = plain.parts
-    model = replace(plain, parts=(replace(part, nominal={**part.nominal, "arm_viscous": 0.1}),))
+    model = replace(plain, parts=(replace(part, nominal={**part.nominal, **friction}),))
     time, command = excitation(1000)
     exported = export(model, [0.008], ["shoulder"])
-    effect = rms(
-        model.simulate(time, command, State.at_rest(0.0)).position
-        - plain.simulate(time, command, State.at_rest(0.0)).position
-    )
     assert exported.missing == ()
-    assert reproduction(model, exported, ["shoulder"], command)[0] < 5e-5 + 0.02 * effect
+    ours, bare = (own.simulate(time, command, State.at_rest(0.0)).position for own in (model, plain))
+    return rms(ours - bare), float(reproduction(model, exported, ["shoulder"], command)[0])
+
+
+@pytest.mark.parametrize("name", ["coulomb_friction", "joint_flexibility"])
+def test_mujoco_follows_a_model_with_friction_on_the_arm(name: str) -> None:
+    effect, difference = moved_on_the_arm({name: IN_MUJOCO[name]}, arm_viscous=0.1)
+    assert difference < 5e-5 + 0.02 * effect
 
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "quadratic_drag"])
 @pytest.mark.parametrize("share", [0.3, 1.0])
 def test_mujoco_follows_a_model_with_a_share_of_a_friction_law_on_the_arm(name: str, share: float) -> None:
-    from diagnosis.mjcf_export import export, reproduction
-
-    plain = model_of({"joint_flexibility": IN_MUJOCO["joint_flexibility"], name: IN_MUJOCO[name]})
-    (part,) = plain.parts
-    model = replace(plain, parts=(replace(part, nominal={**part.nominal, "arm_friction": share}),))
-    time, command = excitation(1000)
-    exported = export(model, [0.008], ["shoulder"])
-    effect = rms(
-        model.simulate(time, command, State.at_rest(0.0)).position
-        - plain.simulate(time, command, State.at_rest(0.0)).position
-    )
-    assert exported.missing == ()
+    effects = {known: IN_MUJOCO[known] for known in ("joint_flexibility", name)}
+    effect, difference = moved_on_the_arm(effects, arm_friction=share)
     assert effect > 1e-4
-    assert reproduction(model, exported, ["shoulder"], command)[0] < 5e-5 + 0.05 * effect
+    assert difference < 5e-5 + 0.05 * effect
 
 
 @pytest.mark.parametrize("effect", [effect for effect in built_in() if effect.parameters], ids=lambda e: e.name)

@@ -51,6 +51,10 @@ SMALL = 0.0015
 """Effect of a drift beside that of the command, up to which it is put down to integrators and inexact laws."""
 DIP = 1.5
 """Ratio of the frequencies on both sides of an antiresonance."""
+DISTURBANCE = 0.03
+"""Unlogged torque, as a share of the motor torque, that may be noise whatever the amplifier."""
+AMPLIFIER = 1.5e-3
+"""The same as a share of the largest command: amplifiers are that noisy."""
 LUCKY = 0.5
 """Share of what noise lets all functions of the remainder explain that it may let one effect explain."""
 
@@ -205,7 +209,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     noise_alone = spectrum
     if sticks(problem, fitted.point, joint) and not scatters(problem, fitted.point, joint):
         noise_alone = torque_spectrum(problem, relieved(problem, fitted, joint, torque, change), joint, motion)
-    scatter = scattering(problem, fitted, joint, noise_alone)
+    scatter = scattering(problem, fitted, joint, as_noise(problem, noise_alone, motion, joint))
     found = []
     for name, response in responses.items():
         basis = np.vstack([fitted.jacobian, response])
@@ -289,6 +293,18 @@ def scattering(problem: Problem, fitted: Fitted, joint: int, spectrum: TorqueSpe
     if not problem.credible(changed):
         return nothing
     return np.asarray(fitted.whitener(changed - fitted.error) * noise)
+
+
+def as_noise(problem: Problem, spectrum: TorqueSpectrum, motion: Array, joint: int) -> TorqueSpectrum:
+    """The spectrum of an unlogged torque, with no more of it than noise may be.
+
+    What is larger has a cause (`diagnosis.verdict`), and would excuse any law that is missing if it was simulated as
+    noise.
+    """
+    size = disturbance(problem, spectrum, motion)[0]
+    limit = problem.command_limits[joint] if problem.command_limits else 0.0
+    most = max(DISTURBANCE * rms(motion[problem.used, 2]), AMPLIFIER * limit)
+    return spectrum._replace(power=spectrum.power * min(1.0, most / max(size, 1e-300)) ** 2)
 
 
 def scattered(fitted: Fitted, basis: Array, scatter: Array) -> float:

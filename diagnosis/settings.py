@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from diagnosis.remainder import AMPLIFIER, DISTURBANCE
+
 LENGTH = 60_000
 """Samples of all logs with which one simulation counts as one of the budget."""
 SHORTEST = 0.05
@@ -50,8 +52,8 @@ class Settings:
     doubtful: float = 0.15
     unexplained: float = 0.03
     trace: float = 0.005
-    disturbance: float = 0.03
-    amplifier: float = 1.5e-3
+    disturbance: float = DISTURBANCE
+    amplifier: float = AMPLIFIER
     jitter: float = 0.002
     patched: float = 2.0
     relevant: float = 0.008

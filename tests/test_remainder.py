@@ -15,6 +15,7 @@ from diagnosis.problem import KnownTorques, Problem, stack
 from diagnosis.remainder import (
     Remainder,
     TorqueSpectrum,
+    as_noise,
     disturbance,
     lucky,
     remainder,
@@ -126,6 +127,22 @@ def test_a_missing_effect_beside_friction_that_holds_a_joint_is_no_noise() -> No
     hidden = DRY | {"cable_spring": {"stiffness": 0.05, "pull": 0.0}}
     problem = problem_of(hidden)
     assert remainder(problem, fitted_with(problem, DRY), 0).excess > 100.0
+
+
+def test_a_torque_larger_than_noise_may_be_is_simulated_as_the_largest_that_may() -> None:
+    """Else all that a model lacks would be its own excuse."""
+    problem = problem_of(DRY)
+    motion = predicted_motion(problem, fitted_with(problem, DRY).point)[:, 0]
+    frequency = np.linspace(0.0, 500.0, 5001)
+    power = np.where(frequency < 5.0, 1.0, 0.0)
+    deviation, band = np.zeros(len(frequency)), frequency < 20.0
+    of = lambda factor: TorqueSpectrum(frequency, factor**2 * power, deviation, band)  # noqa: E731
+    share = lambda spectrum: disturbance(problem, spectrum, motion)[1]  # noqa: E731
+    most = Settings().disturbance / share(of(1.0))
+    assert share(as_noise(problem, of(100.0 * most), motion, 0)) == pytest.approx(Settings().disturbance)
+    assert share(as_noise(problem, of(0.5 * most), motion, 0)) == pytest.approx(0.5 * Settings().disturbance)
+    loud = replace(problem, command_limits=(1e6,))  # so that 0.15 % of it is more
+    assert share(as_noise(loud, of(2.0 * most), motion, 0)) == pytest.approx(2.0 * Settings().disturbance)
 
 
 def without_its_cable(stiffness: float) -> Remainder:

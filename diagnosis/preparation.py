@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -26,6 +27,10 @@ KEPT_APART = 0.25
 """Share of each log that is kept apart for the gain when no held-out log is given."""
 SHORTEST = 400
 """Samples below which a log is not divided."""
+SEVERAL = 3
+"""Logs of which the same is said once."""
+FIGURE = re.compile(r"(?<!joint )\b\d[\d.]*")
+"""Figures of a finding that may differ from log to log."""
 
 
 class DiagnosisError(ValueError):
@@ -54,7 +59,7 @@ def recordings(
     if not logs:
         raise DiagnosisError("there is no log to diagnose. Give at least one")
     read = [load_with_findings(path, columns, repair=repair) for path in (*logs, *holdout)]
-    said = [f"{log.name}: {finding.text}" for log, findings in read for finding in findings]
+    said = gathered((log.name, finding.text) for log, findings in read for finding in findings)
     found = arrange([log for log, _ in read[: len(logs)]], [log for log, _ in read[len(logs) :]], robot, said)
     if found.robot is not None:  # whose range the angles have been compared with
         return found
@@ -68,10 +73,12 @@ def arrange(logs: Sequence[Log], holdout: Sequence[Log], robot: str | None, said
     described = named_robot(logs[0], robot, findings)
     complete = list(logs), list(holdout)
     if described is not None:
+        compared = []
         for group in complete:
             for i, log in enumerate(group):
                 group[i], found = with_robot(log, described)
-                findings += [f"{log.name}: {finding.text}" for finding in found]
+                compared += [(log.name, finding.text) for finding in found]
+        findings += gathered(compared)
     check_apart(*complete)
     findings += [finding.text for finding in check_together([*complete[0], *complete[1]])]
     if complete[1]:
@@ -89,6 +96,23 @@ def arrange(logs: Sequence[Log], holdout: Sequence[Log], robot: str | None, said
         described,
         tuple(findings),
     )
+
+
+def gathered(said: Iterable[tuple[str, str]]) -> list[str]:
+    """What was noticed of logs (name, text), a line each, or one for SEVERAL of which the same is said up to figures;
+    these are then those of the first."""
+    alike: dict[str, dict[str, list[str]]] = {}
+    for name, text in said:
+        alike.setdefault(FIGURE.sub("", text), {}).setdefault(name, []).append(text)
+    lines = []
+    for group in alike.values():
+        if len(group) < SEVERAL:
+            lines += [f"{name}: {text}" for name, texts in group.items() for text in texts]
+            continue
+        name, (text, *_) = next(iter(group.items()))
+        differ = len({item for texts in group.values() for item in texts}) > 1
+        lines.append(f"{name} and {len(group) - 1} other logs: {text}" + (f" (figures of {name})" if differ else ""))
+    return lines
 
 
 def named_robot(log: Log, name: str | None, findings: list[str]) -> Robot | None:

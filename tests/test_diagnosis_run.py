@@ -31,6 +31,7 @@ from diagnosis.preparation import (
     DiagnosisError,
     Recordings,
     arrange,
+    gathered,
     given_numbers,
     groups,
     moving_joints,
@@ -232,6 +233,18 @@ def test_unusable_input_is_one_line_and_nothing_is_written(
     assert run("diagnose", log, "--out", str(taken), monkeypatch=monkeypatch) == 2
     assert taken.read_text() == "mine"
     assert list(tmp_path.iterdir()) == [taken]
+
+
+def test_what_is_said_of_many_logs_is_said_once() -> None:
+    jitters = [(f"run_{i}", f"time stamps jitter by 0.1{i} ms rms") for i in range(3)]
+    ranges = [("run_0", "joint 1 stays within 3 steps"), ("run_1", "joint 2 stays within 3 steps")]
+    spikes = [("run_0", "2 spikes"), ("run_0", "4 spikes"), ("run_1", "2 spikes")]
+    same = [(f"run_{i}", "no gaps") for i in range(4)]
+    assert gathered([*jitters, *ranges, *spikes, *same]) == [
+        "run_0 and 2 other logs: time stamps jitter by 0.10 ms rms (figures of run_0)",
+        *(f"{name}: {text}" for name, text in (*ranges, *spikes)),
+        "run_0 and 3 other logs: no gaps",
+    ]
 
 
 def test_a_quarter_is_kept_apart_without_held_out_logs() -> None:

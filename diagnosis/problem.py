@@ -97,8 +97,9 @@ class Problem:
     is discarded at the beginning of every log while initial errors of the angle decay. decimation: the errors are
     compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band). thinning: samples of the logs
     that one of these stands for (`coarser`). stamps: see `Stamps`.
-    command_limits: largest command per joint, 0 where unknown. dither: see `dither_of`. motions: see
-    `diagnosis.estimation.predicted_motion`. doubts: what the torques of the arm may be off by, (T, draws) or (0, 0).
+    command_limits: largest command per joint, of its logs where the drive's is unknown. dither: see `dither_of`.
+    motions: see `diagnosis.estimation.predicted_motion`. doubts: what the torques of the arm may be off by, (T, draws)
+    or (0, 0).
     """
 
     kernel: Kernel
@@ -493,7 +494,9 @@ def stack(
         encoder_step=steps[0],
         revolute=facts[0].position_unit == "rad",
         names=tuple(part.name for part in parts),
-        command_limits=tuple(fact.command_limit or 0.0 for fact in facts),
+        command_limits=tuple(
+            fact.command_limit or float(np.max(np.abs(np.concatenate(commands)[:, j]))) for j, fact in enumerate(facts)
+        ),
         starts=np.array(starts),
         arm=arm,
         doubts=np.concatenate(doubts) if doubts else np.zeros((0, 0)),

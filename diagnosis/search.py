@@ -227,8 +227,11 @@ def met(
     close = sorted((item for item in close if item[0] + cost < base.criterion), key=lambda item: item[0])[:MET]
     if is_thorough and not close:
         close = sorted(closest, key=lambda item: item[0])[:MET]
-    fits = [(start, fit(problem, point, rounds=2, iterations=8)) for _, start, point in close]
-    fits += [(start, free_of_filter(problem, point)) for _, start, point in close]
+    ways: list[Callable[[Point], Fitted]] = [
+        lambda point: fit(problem, point, rounds=2, iterations=8),
+        lambda point: free_of_filter(problem, point),
+    ]
+    fits = each(lambda task: (task[1][1], task[0](task[1][2])), product(ways, close))
     return [min(fits, key=lambda item: item[1].criterion)] if fits else []
 
 

@@ -145,6 +145,16 @@ def test_a_torque_larger_than_noise_may_be_is_simulated_as_the_largest_that_may(
     assert share(as_noise(loud, of(2.0 * most), motion, 0)) == pytest.approx(2.0 * Settings().disturbance)
 
 
+def test_where_no_drive_is_known_the_largest_command_stands_for_its_limit() -> None:
+    problem = problem_of({})
+    largest = float(np.max(np.abs(problem.command)))
+    assert problem.command_limits == (largest,)
+    loud = Remainder((), 0.0, 10, 0.0, disturbance=0.02, disturbance_share=0.05)
+    for limit, missing in ((24.0, False), (5.0, True)):
+        problem = cast(Problem, SimpleNamespace(arm=None, command_limits=(limit,)))
+        assert unexplained(problem, 0.0, (loud,), Settings()) is missing
+
+
 def without_its_cable(stiffness: float) -> Remainder:
     """What a play leaves of a joint that a cable pulls as well."""
     problem = problem_of(PLAY | {"cable_spring": {"stiffness": stiffness, "pull": 0.0}})

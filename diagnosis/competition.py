@@ -85,6 +85,15 @@ def confirmed(
     return replace(item, rivals=tuple(rival for rival, own in zip(item.rivals, costs, strict=True) if own < limit))
 
 
+def other_laws(item: Accepted) -> Accepted:
+    """The effect with one rival, the likeliest, of each other law and joint: a form of its own law is none."""
+    best: dict[tuple[str, int], Scored] = {}
+    for rival in sorted(item.rivals, key=lambda rival: rival.fitted.criterion + rival.price):
+        best.setdefault((rival.label, rival.start.hypothesis.joint), rival)
+    best.pop((item.label, item.joint), None)
+    return replace(item, rivals=tuple(best.values()))
+
+
 def disguised(
     problem: Problem,
     base: Fitted,

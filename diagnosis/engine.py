@@ -31,6 +31,7 @@ from diagnosis.competition import (
     in_another_form,
     in_other_terms,
     other_forms,
+    other_laws,
     simpler_rivals,
 )
 from diagnosis.estimation import Fitted, fit, scatters
@@ -712,7 +713,7 @@ class Search:
             for i, item in enumerate(accepted)
         ]
         accepted = [disguised(problem, base, item, accepted, self.effects, settings) for item in accepted]
-        accepted = [in_other_terms(problem, base, item, self.effects, settings) for item in accepted]
+        accepted = [other_laws(in_other_terms(problem, base, item, self.effects, settings)) for item in accepted]
         pieces = patchwork(problem, base, accepted, settings.rival)
         said = verdict(problem, nominal, base, accepted, left, settings)
         if pieces or not all(stays_itself(problem, replace(item.scored, fitted=base)) for item in accepted):

@@ -339,6 +339,15 @@ def test_what_was_noticed_stands_in_the_terminal() -> None:
     assert f"Noted: {found[:40]}" in table(diagnosis, width=400)
 
 
+def test_an_alternative_at_another_joint_is_said_with_it() -> None:
+    full = example("named", joints=2)
+    rivals = tuple(Alternative("stribeck_friction", joint, Evidence(5320.0, 22.0)) for joint in (1, 2))
+    first = full.joints[0]
+    effects = (replace(first.effects[0], alternatives=rivals),)
+    text = table(replace(full, joints=(replace(first, effects=effects), *full.joints[1:])), width=400)
+    assert "stribeck_friction, stribeck_friction at joint 2" in text
+
+
 def test_the_page_says_what_noise_alone_explains_where_small_causes_grow() -> None:
     diagnosis = example("named")
     rough = replace(diagnosis, joints=tuple(replace(joint, scattered=445.0) for joint in diagnosis.joints))

@@ -25,7 +25,7 @@ from diagnosis.choice import (
     stays_itself,
     textbook,
 )
-from diagnosis.competition import confirmed, in_other_terms, other_forms, simpler_rivals
+from diagnosis.competition import confirmed, in_other_terms, other_forms, other_laws, simpler_rivals
 from diagnosis.engine import Fork, Path, Search, carried_over, find, is_foreseen, quiet, with_jitter
 from diagnosis.estimation import Fitted, errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.finding import Accepted, Finding, near_equals, stood_for
@@ -413,6 +413,11 @@ def test_a_rival_that_only_stopped_short_of_the_same_is_none() -> None:
     complete, incomplete = (replace(left, decrease=decrease) for decrease in (0.0, 1e4))
     assert simpler_rivals(both, [complete]).rivals == (lag,)
     assert simpler_rivals(both, [incomplete]).rivals == (lag, spring)
+    worse = replace(lag, fitted=nominal)  # another optimum of the same law
+    assert other_laws(replace(delay, rivals=(worse, delay.scored, lag))).rivals == (lag,)
+    start = lag.start
+    next_one = replace(lag, start=replace(start, hypothesis=replace(start.hypothesis, joint=1)))
+    assert other_laws(replace(delay, rivals=(next_one, lag))).rivals == (next_one, lag)  # the same law at another joint
 
 
 @pytest.mark.parametrize("voltage", [1.0, 3.0])

@@ -413,8 +413,8 @@ def test_a_rival_that_only_stopped_short_of_the_same_is_none() -> None:
     complete, incomplete = (replace(left, decrease=decrease) for decrease in (0.0, 1e4))
     assert simpler_rivals(both, [complete]).rivals == (lag,)
     assert simpler_rivals(both, [incomplete]).rivals == (lag, spring)
-    worse = replace(lag, fitted=nominal)  # another optimum of the same law
-    assert other_laws(replace(delay, rivals=(worse, delay.scored, lag))).rivals == (lag,)
+    other = replace(lag, price=lag.price + 1.0)
+    assert other_laws(replace(delay, rivals=(other, delay.scored, lag))).rivals == (lag,)
     start = lag.start
     next_one = replace(lag, start=replace(start, hypothesis=replace(start.hypothesis, joint=1)))
     assert other_laws(replace(delay, rivals=(next_one, lag))).rivals == (next_one, lag)  # the same law at another joint

@@ -417,13 +417,16 @@ def unstuck(problem: Problem, base: Fitted, scored: Scored) -> Scored:
 
 
 def begun_again(problem: Problem, base: Fitted, start: Start) -> Scored:
-    """A hypothesis fitted from where a regression saw most of it, to the errors as they are, all sensitivities anew.
+    """A hypothesis fitted from where a regression saw most of it, to the errors as they are or to their innovations,
+    all sensitivities anew.
 
     The regression says what is reached to first order. Fits that end short of that have lost their way: first steps are
-    taken by the sensitivities of the base, which are not those of a joint with most of its inertia behind a spring.
+    taken by the sensitivities of the base, which are not those of a joint with most of its inertia behind a spring; and
+    a part of the samples, or the errors as they are, may show nothing of a wave whose length only the innovations of
+    all samples tell.
     """
     point = extend(problem, base.point, start.hypothesis, start.values)
-    return score(problem, base, start, free_of_filter(problem, point))
+    return score(problem, base, start, either_way(problem, point))
 
 
 def off_limits(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:

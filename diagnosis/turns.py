@@ -6,9 +6,13 @@ to explain. The errors as they are have other local optima, and share the best o
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from diagnosis.estimation import Fitted, Point, fit
 from diagnosis.problem import Problem
 from diagnosis.whitening import unfiltered
+from methods.parallel import each
 
 TURNS = 4
 """Most turns between the errors as they are and their innovations."""
@@ -34,8 +38,8 @@ def free_of_filter(problem: Problem, point: Point) -> Fitted:
 
 def either_way(problem: Problem, point: Point) -> Fitted:
     """The better one of a fit to the innovations and one that begins with the errors as they are."""
-    fits = fit(problem, point, rounds=2, iterations=10), free_of_filter(problem, point)
-    return min(fits, key=lambda fitted: fitted.criterion)
+    ways: list[Callable[[Problem, Point], Fitted]] = [partial(fit, rounds=2, iterations=10), free_of_filter]
+    return min(each(lambda way: way(problem, point), ways), key=lambda fitted: fitted.criterion)
 
 
 def to_errors(problem: Problem, point: Point) -> Fitted:

@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 from diagnosis.choice import (
     UNDERSTATED,
@@ -52,6 +53,7 @@ from diagnosis.search import (
     Ranked,
     Scored,
     _converged,
+    begun_again,
     containing,
     exchanged,
     generalised,
@@ -66,7 +68,7 @@ from diagnosis.search import (
 )
 from diagnosis.settings import Settings
 from diagnosis.timing import _timed, is_timed, timing_settled
-from diagnosis.turns import TURNS, in_turns
+from diagnosis.turns import TURNS, free_of_filter, in_turns
 from diagnosis.whitening import absorption, whitener
 from envs.log import Array, InputKind, JointFacts, Log
 from methods.base import State
@@ -1148,6 +1150,23 @@ def test_of_plays_that_all_stay_behind_the_base_the_closest_are_fitted_in_the_en
     ((start, fitted),) = met(problem, base, play, 0, size, is_thorough=True)
     assert start.hypothesis.effect is play
     assert fitted.criterion < base.criterion + 0.1 * abs(base.criterion)
+
+
+def test_beside_a_wave_of_many_periods_a_hypothesis_is_begun_again_by_its_innovations() -> None:
+    """The errors as they are hide how long the wave is, and a fit to them loses it."""
+    decay = np.exp(-DT / 0.02)
+    slow = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], np.random.default_rng(0).standard_normal(5000))
+    wave = {"cogging_torque": {"sine": 0.02, "cosine": 0.0, "cycles_per_rev": 400.0}}
+    problem = problem_of(wave | {"friction_asymmetry": {"torque": 0.1, "viscous": -0.3}}, 0.02 * slow)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    base = accepted(problem, nominal, "cogging_torque", [0.02, 0.0, 400.0]).scored.fitted
+    hypothesis, values = Hypothesis(NAMED["friction_asymmetry"], 0), np.array([[0.05, -0.2]])
+    lost = free_of_filter(problem, extend(problem, base.point, hypothesis, values))
+    cycles = lambda fitted: fitted.point.value("cogging_torque.cycles_per_rev@0")  # noqa: E731
+    assert abs(cycles(lost) - 400.0) > 1.0
+    found = begun_again(problem, base, Start(hypothesis, values, 0.0)).fitted
+    assert cycles(found) == pytest.approx(400.0, abs=0.1)
+    assert found.criterion < lost.criterion - 100.0
 
 
 def test_a_fit_that_ended_worse_than_the_base_is_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:

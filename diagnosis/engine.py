@@ -627,7 +627,7 @@ class Search:
         ranked = try_all(problem, smaller, rivals, needed=needed)
         ranked = either(ranked, [scored for scored in alike if scored is not None])
         if any_law:
-            ranked = either(ranked, plays(problem, smaller, rivals))
+            ranked = either(ranked, plays(problem, smaller, rivals, is_sought=False))
         best = choose(problem, smaller, ranked, settings, explained, others)
         if best is None or best.scored.decrease < FORK * needed:
             return None

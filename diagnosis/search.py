@@ -192,15 +192,23 @@ def rung(problem: Problem, base: Fitted, effect: Effect, joint: int) -> list[tup
 
 
 def met(
-    problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales, *, is_thorough: bool = False
+    problem: Problem,
+    base: Fitted,
+    effect: Effect,
+    joint: int,
+    size: Scales,
+    *,
+    is_thorough: bool = False,
+    is_sought: bool = False,
 ) -> list[tuple[Start, Fitted]]:
     """The best fit of an effect in whose motion small causes grow, begun where it comes closest as it is.
 
     A regression on what it would do to the prediction tells nothing there: the same blow a little later is another
     motion. Simulated with each of its starting values, and with a filter of its own, it shows at once.
     is_thorough: also begun with some of the damping behind the play and with less inertia, since a joint without a play
-    makes up for it by more; with all damping on the wrong side no play comes close. Where none does so by itself, as
-    beside a winding's lag that stands for the play, those that come closest are fitted nevertheless.
+    makes up for it by more; with all damping on the wrong side no play comes close.
+    is_sought: where none comes close by itself, as beside a winding's lag that stands for the play, those that come
+    closest are fitted nevertheless.
     """
     if not effect.scatters or effect.starts is None:
         return []
@@ -225,7 +233,7 @@ def met(
         close += each(lambda item: (unfitted(problem, base, *item[1:]).criterion, *item[:2]), nearer)
         closest += [(square, *item[:2]) for item, square in zip(outcomes, squares, strict=True)]
     close = sorted((item for item in close if item[0] + cost < base.criterion), key=lambda item: item[0])[:MET]
-    if is_thorough and not close:
+    if is_sought and not close:
         close = sorted(closest, key=lambda item: item[0])[:MET]
     ways: list[Callable[[Point], Fitted]] = [
         lambda point: fit(problem, point, rounds=2, iterations=8),
@@ -235,10 +243,13 @@ def met(
     return [min(fits, key=lambda item: item[1].criterion)] if fits else []
 
 
-def plays(problem: Problem, base: Fitted, effects: Sequence[tuple[Effect, int]]) -> list[Scored]:
+def plays(
+    problem: Problem, base: Fitted, effects: Sequence[tuple[Effect, int]], *, is_sought: bool = True
+) -> list[Scored]:
     """Of all effects those in whose motion small causes grow, begun from everywhere (`met`), best first."""
     sizes = sizes_of(problem, base)
-    begun = [found for effect, j in effects for found in met(problem, base, effect, j, sizes[j], is_thorough=True)]
+    thorough = partial(met, problem, base, is_thorough=True, is_sought=is_sought)
+    begun = [found for effect, j in effects for found in thorough(effect, j, sizes[j])]
     return sorted((score(problem, base, *found) for found in begun), key=lambda s: -s.evidence)
 
 

@@ -1146,8 +1146,8 @@ def test_of_plays_that_all_stay_behind_the_base_the_closest_are_fitted_in_the_en
     problem = problem_of({})
     base = fit_nominal(problem, (JointStructure(),))
     play, size = NAMED["backlash_load_side"], sizes_of(problem, base)[0]
-    assert met(problem, base, play, 0, size) == []
-    ((start, fitted),) = met(problem, base, play, 0, size, is_thorough=True)
+    assert met(problem, base, play, 0, size, is_thorough=True) == []
+    ((start, fitted),) = met(problem, base, play, 0, size, is_sought=True)
     assert start.hypothesis.effect is play
     assert fitted.criterion < base.criterion + 0.1 * abs(base.criterion)
 

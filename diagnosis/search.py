@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import filterfalse, product
+from itertools import compress, filterfalse, product
 from typing import TypeVar
 
 import numpy as np
@@ -428,16 +428,17 @@ def unstuck(problem: Problem, base: Fitted, scored: Scored) -> Scored:
 
 
 def begun_again(problem: Problem, base: Fitted, start: Start) -> Scored:
-    """A hypothesis fitted from where a regression saw most of it, to the errors as they are or to their innovations,
-    all sensitivities anew.
+    """A hypothesis fitted from where a regression saw most of it, to the errors as they are, all sensitivities anew.
 
     The regression says what is reached to first order. Fits that end short of that have lost their way: first steps are
-    taken by the sensitivities of the base, which are not those of a joint with most of its inertia behind a spring; and
-    a part of the samples, or the errors as they are, may show nothing of a wave whose length only the innovations of
-    all samples tell.
+    taken by the sensitivities of the base, which are not those of a joint with most of its inertia behind a spring.
+    Beside a wave or an event it is also fitted to the innovations from there: a part of the samples, or the errors as
+    they are, may show nothing of what only the innovations of all samples tell, such as how long the wave is.
     """
     point = extend(problem, base.point, start.hypothesis, start.values)
-    return score(problem, base, start, either_way(problem, point))
+    present = compress(problem.kernel.effects, np.any(base.point.switches, axis=0).tolist())
+    is_beside_scanned = any(effect.scan for effect in present)
+    return score(problem, base, start, (either_way if is_beside_scanned else free_of_filter)(problem, point))
 
 
 def off_limits(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:

@@ -239,12 +239,20 @@ def assemble(
         temperature=optional("temp"),
         joints=joints,
         facts=joint_facts,
-        robot=facts.get("robot"),
+        robot=named_robot(facts.get("robot"), facts_file),
         loop=loop,
         name=name,
         source=table.source,
     )
     return log, tuple(findings)
+
+
+def named_robot(robot: Any, facts_file: str) -> Any:
+    """What a sidecar names as the robot; a description that lies beside it by its path from here."""
+    if isinstance(robot, str) and robot.lower().endswith(".toml"):
+        beside = Path(facts_file).parent / robot
+        return str(beside) if beside.is_file() else robot
+    return robot
 
 
 def check_facts(columns: ColumnMap, stated: Mapping[str, Any], joints: Sequence[int], facts_file: str) -> None:

@@ -315,6 +315,16 @@ def test_wrong_column_maps(entry: str, complaint: str, tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_a_description_that_lies_beside_the_sidecar_is_found_from_anywhere(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "log.csv", swing())
+    for named, there in (("arm.toml", False), ("arm.toml", True), ("adeptone", True)):
+        if there:
+            (tmp_path / "arm.toml").write_text("")
+        path.with_suffix(".toml").write_text(f'robot = "{named}"\n')
+        expected = str(tmp_path / named) if there and named.endswith(".toml") else named
+        assert load(path).robot == expected
+
+
 @pytest.mark.parametrize(
     ("sidecar", "complaint"),
     [

@@ -152,7 +152,12 @@ def on_the_motor(on_arm: float, law: str) -> tuple[Problem, Fitted]:
 
 
 @pytest.mark.parametrize(
-    ("on_arm", "law"), [(0.4, "coulomb_friction"), (1.0, "quadratic_drag"), (0.5, "quadratic_drag")]
+    ("on_arm", "law"),
+    [
+        pytest.param(0.4, "coulomb_friction", marks=pytest.mark.slow),
+        (1.0, "quadratic_drag"),
+        (0.5, "quadratic_drag"),
+    ],
 )
 def test_a_law_of_friction_is_found_on_the_arm(on_arm: float, law: str) -> None:
     problem, before = on_the_motor(on_arm, law)

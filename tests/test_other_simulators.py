@@ -183,6 +183,7 @@ def test_dry_friction_that_differs_by_direction_is_not_told_from_an_offset() -> 
     assert beyond.verdict == "named"
 
 
+@pytest.mark.slow
 def test_the_output_of_an_amplifier_with_a_dead_zone_is_off() -> None:
     """An offset that comes in is lost in the dead zone, one of the output stage is not."""
     dead = lambda u: math.copysign(max(abs(u) - 0.1, 0.0), u)  # noqa: E731
@@ -195,6 +196,7 @@ def test_the_output_of_an_amplifier_with_a_dead_zone_is_off() -> None:
     assert sorted(item.name for item in before.accepted) == ["amplifier_offset", "dead_zone"]
 
 
+@pytest.mark.slow
 def test_a_plainer_law_beside_the_general_form_of_another_one() -> None:
     """A drag that grows with less than the square of the velocity makes dry friction look like a Stribeck curve."""
     near = ("coulomb_friction", "stribeck_friction", "quadratic_drag")

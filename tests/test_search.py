@@ -868,6 +868,7 @@ def test_a_play_is_begun_from_everywhere_only_where_something_is_left_or_taken_f
     assert search.with_play(path) is path
 
 
+@pytest.mark.slow
 def test_a_stand_in_for_two_laws_gives_way_to_both() -> None:
     """Stribeck friction that falls with the speed is dry friction, drag and damping together."""
     noise = 1e-4 * np.random.default_rng(0).standard_normal(5000)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import Enum
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +34,8 @@ SOFTEST = 0.03
 """Longest recovery time of a soft constraint that is friction in any case [s]; MuJoCo's own is 0.0095 s."""
 COASTING = 0.6
 """Recovery time over that in which the joint itself coasts to rest, from which a constraint is no friction."""
+DEEP = 20.0
+"""Depth to which a hardening contact is pressed, in halves of its play, from which there is no play to speak of."""
 CANCELLING = 0.25
 """Sum of torques, as a share of the largest, below which they only describe another law."""
 
@@ -45,6 +48,7 @@ class Patchwork(Enum):
     POSITION = "one smooth torque of the position"
     STATIC = "one static law"
     DRIVE = "one law of the drive"
+    SPRING = "a spring that stiffens"
 
 
 def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], margin: float) -> dict[int, Patchwork]:
@@ -55,7 +59,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
     Torques of the position: they nearly cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a
     polynomial of the position with as many coefficients explains the logs as well, up to `margin` of -2 log likelihood.
     All laws without a memory: an offset far beyond the commands that an asymmetry takes back is a piece of another law.
-    Laws of the command and of the motor torque, where this is the command: neither has its textbook's form.
+    Laws of the command and of the motor torque, where this is the command: neither has its textbook's form. A play
+    whose contact hardens and is pressed far deeper than the play is wide.
     """
     found: dict[int, Patchwork] = {}
     for j in range(problem.joints):
@@ -76,6 +81,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
             found[j] = Patchwork.STATIC
         elif is_doubled(final, j, own):
             found[j] = Patchwork.DRIVE
+        elif any(is_spring(problem, final, j, effect) for effect in own if effect.scatters):
+            found[j] = Patchwork.SPRING
     return found
 
 
@@ -100,6 +107,23 @@ def is_dead_zone(problem: Problem, final: Fitted, j: int, law: Effect) -> bool:
     recovery = float(row[problem.kernel.column(law, "recovery_time")])
     damping = float(row[VISCOUS] + row[BACK_EMF])
     return recovery > max(SOFTEST, COASTING * float(row[INERTIA]) / max(damping, 1e-300))
+
+
+def is_spring(problem: Problem, final: Fitted, j: int, play: Effect) -> bool:
+    """Whether a play is there for its contact only, which hardens from the first.
+
+    A contact of exponent n accelerates the arm by ``a = w^2 h y^n``, pressed y halves h of the play deep (w: angular
+    frequency half a play deep). At the rms acceleration of the joint y is at least DEEP then.
+    """
+    names = {parameter.name for parameter in play.parameters}
+    if "exponent" not in names:
+        return False
+    value = {name: float(final.point.parameters[0, j, problem.kernel.column(play, name)]) for name in names}
+    velocity = predicted_motion(problem, final.point)[:, j, 1]
+    changes = np.concatenate([np.diff(velocity[a:b]) for a, b in pairwise(problem.bounds)])
+    acceleration = float(np.sqrt(np.mean(changes**2))) / problem.sample_time
+    unit = (2.0 * np.pi * value["frequency"]) ** 2 * 0.5 * value["gap"]
+    return acceleration > unit * DEEP ** value["exponent"]
 
 
 def rms_velocity(problem: Problem, j: int) -> float:

@@ -87,6 +87,20 @@ def test_dry_friction_that_never_reaches_its_level_is_none(rounding: float, is_d
     assert patchwork(problem, fitted, accepted, MARGIN) == ({} if is_dry else {0: Patchwork.FRICTION})
 
 
+@pytest.mark.parametrize(("gap", "is_play"), [(0.004, True), (4e-4, True), (1e-6, False)])
+def test_a_play_far_narrower_than_its_hardening_contact_is_deep_is_a_spring(gap: float, is_play: bool) -> None:
+    """Hertz's contact, whatever the play with the same force 2 mrad deep."""
+    frequency = 22.0 * (gap / 0.004) ** 0.25
+    values = {"gap": gap, "inertia_ratio": 0.4, "frequency": frequency, "damping_ratio": 0.1, "exponent": 1.5}
+    problem = problem_of({"backlash_power": values}, 1.2, 1e-5)
+    fitted, accepted = fitted_with(problem, {"backlash_power": values})
+    point = fitted.point.at(fitted.point.vector)
+    for name, value in values.items():
+        point.parameters[:, 0, KERNEL.column(NAMED["backlash_power"], name)] = value
+    found = patchwork(problem, replace(fitted, point=point), accepted, MARGIN)
+    assert found == ({} if is_play else {0: Patchwork.SPRING})
+
+
 @pytest.mark.parametrize(("recovery", "is_dry"), [(0.0095, True), (0.02, True), (0.09, False)])
 def test_a_constraint_as_slow_as_the_joint_is_a_dead_zone(recovery: float, is_dry: bool) -> None:
     """The joint coasts to rest in 0.1 s."""

@@ -16,7 +16,7 @@ from diagnosis.other_bases import either
 from diagnosis.problem import Problem
 from diagnosis.pruning import without
 from diagnosis.remainder import Remainder
-from diagnosis.search import Scored, described, score, try_all
+from diagnosis.search import Scored, described, law, score, try_all
 from diagnosis.settings import Settings
 from diagnosis.turns import either_way
 from methods.effects.base import Effect
@@ -89,7 +89,7 @@ def other_laws(item: Accepted) -> Accepted:
     """The effect with one rival, the likeliest, of each other law and joint: a form of its own law is none."""
     best: dict[tuple[str, int], Scored] = {}
     for rival in sorted(item.rivals, key=lambda rival: rival.fitted.criterion + rival.price):
-        best.setdefault((rival.label, rival.start.hypothesis.joint), rival)
+        best.setdefault(law(rival.start), rival)
     best.pop((item.label, item.joint), None)
     return replace(item, rivals=tuple(best.values()))
 

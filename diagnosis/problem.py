@@ -475,12 +475,13 @@ def stack(
         or next((step for part in readings if (step := quantisation_step(part[:, j])) is not None), 0.0)
         for j, fact in enumerate(facts)
     ]
+    command = np.ascontiguousarray(np.concatenate(commands))
     dither = dither_of(readings) if dither is None else dither
     smooth_readings = dithered(readings, dither)
     return Problem(
         kernel=kernel,
         time=np.concatenate(times),
-        command=np.ascontiguousarray(np.concatenate(commands)),
+        command=command,
         reading=np.ascontiguousarray(np.where(np.array(steps) > 0.0, np.concatenate(readings), smooth_readings)),
         dither=dither,
         bounds=np.cumsum([0, *(len(part) for part in parts)]),
@@ -495,7 +496,7 @@ def stack(
         revolute=facts[0].position_unit == "rad",
         names=tuple(part.name for part in parts),
         command_limits=tuple(
-            fact.command_limit or float(np.max(np.abs(np.concatenate(commands)[:, j]))) for j, fact in enumerate(facts)
+            fact.command_limit or float(np.max(np.abs(own))) for fact, own in zip(facts, command.T, strict=True)
         ),
         starts=np.array(starts),
         arm=arm,

@@ -236,8 +236,8 @@ def met(
     if is_sought and not close:
         close = sorted(closest, key=lambda item: item[0])[:MET]
     ways: list[Callable[[Point], Fitted]] = [
-        lambda point: fit(problem, point, rounds=2, iterations=8),
-        lambda point: free_of_filter(problem, point),
+        partial(fit, problem, rounds=2, iterations=8),
+        partial(free_of_filter, problem),
     ]
     fits = each(lambda task: (task[1][1], task[0](task[1][2])), product(ways, close))
     return [min(fits, key=lambda item: item[1].criterion)] if fits else []

@@ -135,14 +135,14 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
         return f"{found}something is missing that no known effect explains{depends}"
     missing = f"{named} {'are' if plural else 'is'} missing{f'; {adding}' if adding else ''}"
     rivals = sorted(
-        {elsewhere(other, effect, title(other.name)) for effect in joint.effects for other in effect.alternatives}
+        {with_joint(other, effect, title(other.name)) for effect in joint.effects for other in effect.alternatives}
     )
     if joint.verdict == "ambiguous" and rivals:
         return f"{missing}; these logs cannot tell this from {' or '.join(rivals)}"
     return missing
 
 
-def elsewhere(other: Alternative, effect: NamedEffect, name: str) -> str:
+def with_joint(other: Alternative, effect: NamedEffect, name: str) -> str:
     """The name of an alternative, with its joint where that is not the effect's."""
     return name if other.joint == effect.joint else f"{name} at joint {other.joint}"
 
@@ -163,7 +163,7 @@ def table(diagnosis: Diagnosis, width: int = 100) -> str:
             grid.add_column(head)
         for effect in diagnosis.effects:
             values = ", ".join(f"{p.name} {rounded(p.physical)}" for p in effect.parameters)
-            others = ", ".join(elsewhere(other, effect, other.name) for other in effect.alternatives) or "none"
+            others = ", ".join(with_joint(other, effect, other.name) for other in effect.alternatives) or "none"
             grid.add_row(str(effect.joint), effect.name, values, f"{effect.evidence.net:.0f}", others)
         console.print(grid)
     grid = Table(title="gain on data that nobody fitted", title_justify="left", box=None)

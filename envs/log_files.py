@@ -239,7 +239,7 @@ def assemble(
         temperature=optional("temp"),
         joints=joints,
         facts=joint_facts,
-        robot=named_robot(facts.get("robot"), facts_file),
+        robot=from_here(facts.get("robot"), facts_file),
         loop=loop,
         name=name,
         source=table.source,
@@ -247,7 +247,7 @@ def assemble(
     return log, tuple(findings)
 
 
-def named_robot(robot: Any, facts_file: str) -> Any:
+def from_here(robot: Any, facts_file: str) -> Any:
     """What a sidecar names as the robot; a description that lies beside it by its path from here."""
     if isinstance(robot, str) and robot.lower().endswith(".toml"):
         beside = Path(facts_file).parent / robot

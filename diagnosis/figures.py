@@ -46,6 +46,7 @@ QUANTITY = {
     "velocity": "velocity",
     "acceleration": "acceleration",
     "command": "command",
+    "command direction": "change of the command",
     "motor torque": "motor torque, as command",
     "another joint": "acceleration of the other joint",
     "position since reversal": "travel since reversal",

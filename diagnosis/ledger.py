@@ -111,18 +111,25 @@ def steps(problem: Problem, held_out: Problem, finding: Finding, given: Point | 
 def floor_of(problem: Problem, held_out: Problem, finding: Finding, j: int) -> float:
     """Window error of the true model [rad or m] on the held-out logs, from the noise in the fitted ones; sensor noise
     alone where something real is left unexplained."""
-    innovation = float(np.sqrt(finding.final.variances[j]))
     if finding.verdict == "unknown":
+        innovation = float(np.sqrt(finding.final.variances[j]))
         noise = [position_noise(problem.reading[a:b, j]) for a, b in pairwise(problem.bounds)]
         sensor = max(problem.encoder_step / np.sqrt(12.0), min(float(np.sqrt(np.mean(np.square(noise)))), innovation))
         return noise_floor(problem, finding.final, j, WINDOW, max(sensor, 1e-12), coloured=False)
-    same = noise_floor(problem, finding.final, j, WINDOW, innovation, coloured=True)
+    same = noise_of_fit(problem, finding, j)
     return float(np.sqrt(max(same**2 + faster(problem, held_out, finding, j), 0.1 * same**2)))
 
 
+def noise_of_fit(problem: Problem, finding: Finding, j: int) -> float:
+    """Window error [rad or m] of the true model on the fitted logs, by their noise."""
+    innovation = float(np.sqrt(finding.final.variances[j]))
+    return noise_floor(problem, finding.final, j, WINDOW, innovation, coloured=True)
+
+
 def faster(problem: Problem, held_out: Problem, finding: Finding, j: int) -> float:
-    """What a jitter of the sampling instants adds to the mean square of the held-out readings' noise beyond that of the
-    fitted ones: it makes the more of it the faster the joint moves."""
+    """What a jitter of the sampling instants adds to the mean square of the window errors on the held-out logs beyond
+    that on the fitted ones, of which it makes no more than all noise: the faster the joint moves the more it adds to
+    the readings, those that a window begins with too."""
     item = next((item for item in finding.accepted if item.name == JITTER and item.joint == j), None)
     if item is None:
         return 0.0
@@ -131,7 +138,8 @@ def faster(problem: Problem, held_out: Problem, finding: Finding, j: int) -> flo
         np.mean(predicted_motion(own, transfer(own, finding.final.point))[own.used, j, 1] ** 2)
         for own in (held_out, problem)
     )
-    return float(jitter**2 * (there - here))
+    own = noise_floor(problem, finding.final, j, WINDOW, float(jitter * np.sqrt(here)), coloured=False)
+    return float(min(own, noise_of_fit(problem, finding, j)) ** 2 * (there / max(here, 1e-300) - 1.0))
 
 
 def failures(problem: Problem, held_out: Problem, finding: Finding, found: Sequence[Step]) -> dict[int, Failure]:
@@ -144,7 +152,8 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
     its beginning. Where small causes grow, a free simulation soon goes another way than the joint, and a model that
     stays in the middle errs less; there the prediction from one reading to the next has to be worse, too, and the
     typical window decides whether the model errs by more than noise. A model that is so uncertain that noise accounts
-    for its errors still has to explain more of the nominal one's than it leaves.
+    for its errors still has to explain more of the nominal one's than it leaves, unless all that it has beyond that is
+    a jitter, which does nothing in a free simulation.
     """
     if finding.verdict == "unknown":
         return {}
@@ -183,7 +192,7 @@ def failures(problem: Problem, held_out: Problem, finding: Finding, found: Seque
             failing[j] = Failure(float(times), noise=True)
         elif (after > WORSE**2 * before and not ((scatters or grows()) and predicts())) or (
             not (elsewhere or scatters)
-            and any(item.joint == j for item in finding.accepted)
+            and any(item.joint == j and item.name != JITTER for item in finding.accepted)
             and is_unearned(before, after, floor)
             and is_unearned(before, after, float(floors(CERTAIN)[j]))
             and not grows()

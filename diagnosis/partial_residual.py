@@ -161,6 +161,8 @@ def _signal(problem: Problem, point: Point, joint: int, name: str, units: JointU
             unit, part = f"{units.position}/s²", ddq
         elif name == "command":
             unit, part = units.command, problem.command[a:b, joint]
+        elif name == "command direction":
+            unit, part = f"{units.command}/s", np.gradient(problem.command[a:b, joint], problem.time[a:b])
         elif name == "motor torque":
             unit = units.command
             part = problem.command[a:b, joint] - point.parameters[log, joint, COLUMN["back_emf"]] * dq

@@ -36,6 +36,8 @@ COASTING = 0.6
 """Recovery time over that in which the joint itself coasts to rest, from which a constraint is no friction."""
 DEEP = 20.0
 """Depth to which a hardening contact is pressed, in halves of its play, from which there is no play to speak of."""
+FOLLOWS = 2.0 * np.pi
+"""Times that a spring has to draw back, in the longest log, what its own damper lets slip."""
 CANCELLING = 0.25
 """Sum of torques, as a share of the largest, below which they only describe another law."""
 
@@ -49,6 +51,7 @@ class Patchwork(Enum):
     STATIC = "one static law"
     DRIVE = "one law of the drive"
     SPRING = "a spring that stiffens"
+    SLIP = "a coupling that slips"
 
 
 def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], margin: float) -> dict[int, Patchwork]:
@@ -60,7 +63,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
     polynomial of the position with as many coefficients explains the logs as well, up to `margin` of -2 log likelihood.
     All laws without a memory: an offset far beyond the commands that an asymmetry takes back is a piece of another law.
     Laws of the command and of the motor torque, where this is the command: neither has its textbook's form. A play
-    whose contact hardens and is pressed far deeper than the play is wide.
+    whose contact hardens and is pressed far deeper than the play is wide. A flexibility whose spring never draws back
+    what its damper lets slip.
     """
     found: dict[int, Patchwork] = {}
     for j in range(problem.joints):
@@ -83,6 +87,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
             found[j] = Patchwork.DRIVE
         elif any(is_spring(problem, final, j, effect) for effect in own if effect.scatters):
             found[j] = Patchwork.SPRING
+        elif any(is_slipping(problem, final, j, effect) for effect in own):
+            found[j] = Patchwork.SLIP
     return found
 
 
@@ -124,6 +130,17 @@ def is_spring(problem: Problem, final: Fitted, j: int, play: Effect) -> bool:
     acceleration = float(np.sqrt(np.mean(changes**2))) / problem.sample_time
     unit = (2.0 * np.pi * value["frequency"]) ** 2 * 0.5 * value["gap"]
     return acceleration > unit * DEEP ** value["exponent"]
+
+
+def is_slipping(problem: Problem, final: Fitted, j: int, law: Effect) -> bool:
+    """Whether a flexibility is a damper between two inertias: with the angular frequency w and the damping ratio z its
+    spring draws a twist back at the rate ``w / (2 z)``, in no log."""
+    if law.label != "joint_flexibility":
+        return False
+    frequency, ratio = (
+        float(final.point.parameters[0, j, problem.kernel.column(law, name)]) for name in ("frequency", "damping_ratio")
+    )
+    return np.pi * frequency * problem.longest < FOLLOWS * ratio
 
 
 def rms_velocity(problem: Problem, j: int) -> float:

@@ -137,10 +137,11 @@ def signals(problem: Problem, motion: Array, joint: int) -> dict[str, list[Array
     """Groups of smooth functions (T,) of the joint's motion (T, 3) and torque, each of unit scale.
 
     The signals are the model's own predictions, which depend on readings before each sample only: a smoothed reading
-    contains the noise that it is compared with, and in a closed loop the command answers to it.
+    contains the noise that it is compared with, and in a closed loop the command answers to it. The command's direction
+    is that of its last change, by which a drive with hysteresis lags behind it.
     """
     groups: dict[str, list[Array]] = {
-        name: [] for name in ("position", "velocity", "direction", "motor torque", "elapsed time")
+        name: [] for name in ("position", "velocity", "direction", "motor torque", "command direction", "elapsed time")
     }
     pieces: dict[str, list[list[Array]]] = {name: [] for name in groups}
     used = motion[problem.used]
@@ -174,6 +175,10 @@ def signals(problem: Problem, motion: Array, joint: int) -> dict[str, list[Array
                 acceleration * np.abs(v),
             ]
         )
+        u = problem.command[a:b, joint] / (np.std(problem.command[a:b, joint]) + 1e-300)
+        change = np.diff(u, prepend=u[0])
+        turned = np.sign(change)[np.maximum.accumulate(np.where(change != 0.0, np.arange(len(u)), 0))]
+        pieces["command direction"].append([turned, turned * np.abs(u)])
         pieces["elapsed time"].append(
             [np.cos(np.pi * k * s) for k in range(1, 5)] + [s * v, s * w, np.ones_like(s), s * s * w]
         )

@@ -101,6 +101,18 @@ def test_a_play_far_narrower_than_its_hardening_contact_is_deep_is_a_spring(gap:
     assert found == ({} if is_play else {0: Patchwork.SPRING})
 
 
+@pytest.mark.parametrize(
+    ("frequency", "ratio", "is_spring"), [(8.0, 0.05, True), (2.0, 2.0, True), (0.05, 40.0, False)]
+)
+def test_a_spring_that_never_draws_back_what_its_damper_lets_slip_is_none(frequency, ratio, is_spring) -> None:
+    """In a log of 10 s: two dampers that let as much slip per torque, one beside a spring and one without."""
+    law = {"joint_flexibility": {"inertia_ratio": 0.4, "frequency": frequency, "damping_ratio": ratio}}
+    problem = problem_of(law, 1.2, 1e-5)
+    fitted, accepted = fitted_with(problem, law)
+    assert fitted.point.value("joint_flexibility.frequency@0") == pytest.approx(frequency, rel=0.5)
+    assert patchwork(problem, fitted, accepted, MARGIN) == ({} if is_spring else {0: Patchwork.SLIP})
+
+
 @pytest.mark.parametrize(("recovery", "is_dry"), [(0.0095, True), (0.02, True), (0.09, False)])
 def test_a_constraint_as_slow_as_the_joint_is_a_dead_zone(recovery: float, is_dry: bool) -> None:
     """The joint coasts to rest in 0.1 s."""

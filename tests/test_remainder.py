@@ -45,10 +45,11 @@ COGGING = {"cogging_torque": {"sine": 0.1, "cosine": 0.0, "cycles_per_rev": 40.0
 STEP, NOISE = 1e-5, 0.005
 
 
-def problem_of(effects: dict[str, dict[str, float]], drift: float = 0.0) -> Problem:
+def problem_of(effects: dict[str, dict[str, float]], drift: float = 0.0, hysteresis: float = 0.0) -> Problem:
     """A joint under sines and the slow noise of its amplifier (5 mV rms, 20 ms), which no log shows.
 
-    drift: share by which the amplifier's gain falls from the beginning to the end."""
+    drift: share by which the amplifier's gain falls from the beginning to the end. hysteresis: half the play through
+    which its voltage follows the command [V]."""
     rng = np.random.default_rng(3)
     time, hertz = 1e-3 * np.arange(20_000), np.array([0.3, 0.7, 1.3, 2.9, 5.3])
     command = np.sum(0.8 * np.sin(2 * np.pi * np.outer(time, hertz) + np.arange(5)), axis=1)[:, None]
@@ -56,7 +57,10 @@ def problem_of(effects: dict[str, dict[str, float]], drift: float = 0.0) -> Prob
     slow = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], rng.standard_normal(len(time)))
     model = StructuredModel((StructuredJoint(1, "voltage", JOINT, effects),), 1e-3, None, EFFECTS)
     gain = (1.0 + 0.5 * drift * np.cos(np.pi * time / time[-1]))[:, None]
-    position = model.simulate(time, gain * command + NOISE * slow[:, None], State.at_rest(0.0)).position
+    own = command.copy()
+    for k in range(1, len(own)):
+        own[k] = np.clip(own[k - 1], command[k] - hysteresis, command[k] + hysteresis)
+    position = model.simulate(time, gain * own + NOISE * slow[:, None], State.at_rest(0.0)).position
     facts = JointFacts(input="voltage", position_unit="rad", encoder_step=STEP)
     return stack(KERNEL, [Log(time, command, STEP * np.round(position / STEP), (1,), facts=(facts,))], (1,))
 
@@ -239,6 +243,18 @@ def test_a_torque_ends_where_noise_would_stand_for_it() -> None:
     assert size(slow + chance) == pytest.approx(np.sqrt(np.mean(slow)), rel=0.02)
 
 
+def test_a_drive_with_hysteresis_shows_in_the_direction_of_the_command() -> None:
+    """The voltage follows the command through a play, which no law of the joint's motion describes."""
+    left, plain = (
+        remainder(problem, fit_nominal(problem, (JointStructure(),)), 0)
+        for problem in (problem_of({}, hysteresis=0.05), problem_of({}))
+    )
+    assert left.dependences[0].signal == "command direction"
+    assert left.excess > 100.0
+    assert plain.excess == 0.0
+    assert all(dependence.p_value > 1e-3 for dependence in plain.dependences)
+
+
 def test_antiresonances_are_filled_and_slopes_stay() -> None:
     frequency = np.linspace(0.0, 500.0, 5001)
     slope = 1.0 / (1.0 + frequency**4)
@@ -250,7 +266,7 @@ def test_antiresonances_are_filled_and_slopes_stay() -> None:
     assert np.all(ratio < 1.05)
 
 
-@pytest.mark.parametrize(("friction", "drift", "missing"), [(0.4, 0.02, False), (0.4, 0.03, True), (0.01, 0.01, True)])
+@pytest.mark.parametrize(("friction", "drift", "missing"), [(0.4, 0.02, False), (0.4, 0.03, True), (0.01, 0.011, True)])
 def test_a_drift_too_small_for_an_effect_of_its_own_is_nothing_unknown(
     friction: float, drift: float, missing: bool
 ) -> None:

@@ -35,7 +35,7 @@ from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, 
 from diagnosis.imitation import Signals, imitating, resistance
 from diagnosis.instants import retimed
 from diagnosis.jitter import Jitter, jitter
-from diagnosis.ledger import faster, floor_of
+from diagnosis.ledger import floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.other_bases import (
     also_by_own_steps,
@@ -48,7 +48,7 @@ from diagnosis.problem import KnownTorques, Problem, Work, coarser, evenly, in_b
 from diagnosis.pruning import general, merged, merged_afterwards, prune, unified
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, remainders, shows_blows
-from diagnosis.replay import imitated_floor, noise_floor, replay, rms, transfer
+from diagnosis.replay import WINDOW, imitated_floor, noise_floor, replay, rms, transfer
 from diagnosis.search import (
     Ranked,
     Scored,
@@ -1627,14 +1627,15 @@ def test_a_weak_jitter_has_to_show_where_nobody_fitted(
 
 
 def test_jitter_makes_more_noise_where_the_joint_moves_faster() -> None:
-    problem, rms = jittering(2e-4), 2e-4
+    """In all of a window: the readings that it begins with are as wrong as those that it is compared with."""
+    problem, size, times = jittering(2e-4), 2e-4, 4.0
     fitted = fit_nominal(problem, (JointStructure(),))
-    item = accepted(problem, fitted, "timestamp_jitter", [rms])
-    finding = SimpleNamespace(accepted=(item,), final=item.scored.fitted)
-    slow = replace(problem, command=0.5 * problem.command, reading=0.5 * problem.reading)
-    velocity = np.std(np.diff(record({}).position[:, 0])) / DT
-    assert faster(problem, problem, finding, 0) == pytest.approx(0.0, abs=1e-12)  # type: ignore[arg-type]
-    assert faster(slow, problem, finding, 0) == pytest.approx(0.75 * (rms * velocity) ** 2, rel=0.1)  # type: ignore[arg-type]
+    item = accepted(problem, fitted, "timestamp_jitter", [size])
+    finding = SimpleNamespace(verdict="named", accepted=(item,), final=item.scored.fitted)
+    fast = replace(problem, command=times * problem.command, reading=times * problem.reading)
+    here, there = (floor_of(problem, own, finding, 0) for own in (problem, fast))  # type: ignore[arg-type]
+    error = rms(replay(problem, fitted.point, WINDOW).windows)
+    assert (here, there) == pytest.approx((error, times * error), rel=0.35)
 
 
 LUGRE = {"torque": 0.3, "deflection": 0.05, "damping_time": 0.002, "rise": 0.8, "velocity": 0.25, "fall_exponent": 2.0}

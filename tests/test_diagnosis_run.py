@@ -21,6 +21,7 @@ import adeptone
 from diagnosis import ledger
 from diagnosis.beginning import started, with_phases
 from diagnosis.estimation import Point, covariance, errors, fit
+from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.ledger import closed, failures, floor_of, grown
 from diagnosis.nominal import COLUMN, Gravity, JointStructure, fit_nominal
@@ -792,6 +793,16 @@ def test_effects_that_make_held_out_logs_worse_are_not_the_right_ones() -> None:
     assert found == {0: Failure(pytest.approx(2.0), noise=False)}
 
 
+def taken_for(finding: Finding, name: str) -> Finding:
+    """The same with another effect in the place of those that were accepted."""
+    hypothesis = Hypothesis(effects_of(name)[0], 0)
+    accepted = tuple(
+        replace(item, scored=replace(item.scored, start=replace(item.scored.start, hypothesis=hypothesis)))
+        for item in finding.accepted
+    )
+    return replace(finding, accepted=accepted)
+
+
 def test_effects_have_to_explain_more_of_held_out_logs_than_they_leave() -> None:
     """However uncertain the model is, so that noise could account for its errors."""
     solved = solved_of(read_of(model_of(FRICTION)), "coulomb_friction")
@@ -799,18 +810,19 @@ def test_effects_have_to_explain_more_of_held_out_logs_than_they_leave() -> None
     floor = floor_of(solved.problem, solved.held_out, solved.finding, 0)
     vague = np.diag(np.full(len(solved.finding.final.point.free), 1e-2))
 
-    def failing(before: float, left: float) -> dict[int, Failure]:
+    def failing(before: float, left: float, finding: Finding = solved.finding) -> dict[int, Failure]:
         steps = [
             replace(step, replay=replace(step.replay, windows=np.where(np.isnan(step.replay.windows), np.nan, error)))
             for step, error in ((nominal, before * floor), (after, left * floor))
         ]
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(type(solved.finding), "covariance", property(lambda self: vague))
-            return failures(replace(solved.problem, encoder_step=0.0), solved.held_out, solved.finding, steps)
+            return failures(replace(solved.problem, encoder_step=0.0), solved.held_out, finding, steps)
 
     assert failing(4.0, 3.0) == {0: Failure(pytest.approx(0.75), noise=False)}
     assert not failing(8.0, 3.0)  # explains five of the seven parts that noise does not
     assert not failing(1.8, 1.45)  # too little beyond noise to tell
+    assert not failing(4.0, 3.0, taken_for(solved.finding, "timestamp_jitter"))  # which simulates as without it
 
 
 def test_where_small_causes_grow_the_prediction_has_to_be_worse_too() -> None:
@@ -818,12 +830,7 @@ def test_where_small_causes_grow_the_prediction_has_to_be_worse_too() -> None:
     solved = solved_of(read_of(model_of(FRICTION)), "coulomb_friction")
     nominal, after = solved.ledger[-2:]
     better = replace(nominal, replay=replace(after.replay, windows=0.5 * after.replay.windows))
-    play = effects_of("backlash")[0]
-    accepted = tuple(
-        replace(item, scored=replace(item.scored, start=replace(item.scored.start, hypothesis=Hypothesis(play, 0))))
-        for item in solved.finding.accepted
-    )
-    rough = replace(solved.finding, accepted=accepted)
+    rough = taken_for(solved.finding, "backlash")
     assert not failures(solved.problem, solved.held_out, rough, [better, after])
     worse = replace(rough, final=rough.nominal, nominal=rough.final)
     assert failures(solved.problem, solved.held_out, worse, [better, after])

@@ -2,7 +2,8 @@
 
 The network learns the input-equivalent residual of the final model as a function of angle and velocity on the first
 part of the fitted logs. It joins the model only if free simulation in windows improves on the rest of them, by more
-than the bootstrap interval of the improvement; the held-out logs have no say.
+than the bootstrap interval of the improvement. The held-out logs can refuse it, not choose it: beyond the angles and
+velocities that it has learned from a network says anything.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.finding import Finding
-from diagnosis.ledger import resampled
+from diagnosis.ledger import Step, resampled
 from diagnosis.problem import Problem, stack
 from diagnosis.replay import WINDOW, in_blocks, input_equivalent, replay, rms, transfer, window_width
 from envs.log import Log
@@ -63,3 +64,28 @@ def compensators(
         better = np.isfinite(rms(after.windows[:, j])) and float(np.quantile(draws[1] / draws[0], 0.95)) < 1.0
         kept.append(candidate if better else None)
     return tuple(kept), "" if any(kept) else "it does not improve on the part of the fitted logs that it has not seen"
+
+
+def not_refused(
+    held_out: Problem, last: Step, networks: Sequence[TwoLayerNetwork | None]
+) -> tuple[tuple[TwoLayerNetwork | None, ...], Step | None, str]:
+    """The networks without those that make the last model err more on the held-out logs, the step with what is left of
+    them, if anything, and why one was refused."""
+
+    def with_them(own: Sequence[TwoLayerNetwork | None]) -> Step:
+        return Step("+ compensator", "compensator", None, last.point, replay(held_out, last.point, WINDOW, own))
+
+    def times(step: Step, j: int) -> float:
+        return rms(step.replay.windows[:, j]) / max(rms(last.replay.windows[:, j]), 1e-300)
+
+    step = with_them(networks)
+    ratios = {j: times(step, j) for j, own in enumerate(networks) if own is not None}
+    worse = {j: ratio for j, ratio in ratios.items() if not ratio < 1.0}
+    if not worse:
+        return tuple(networks), step, ""
+    kept = tuple(None if j in worse else own for j, own in enumerate(networks))
+    most = max(worse.values())
+    said = (
+        f"makes the held-out error {most:.3g} times as large" if np.isfinite(most) else "diverges on the held-out logs"
+    )
+    return kept, with_them(kept) if any(kept) else None, f"it {said}"

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis.arm_torques import arm_torques
 from diagnosis.choice import LAG
-from diagnosis.compensator import compensators
+from diagnosis.compensator import compensators, not_refused
 from diagnosis.engine import find
 from diagnosis.estimation import Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
@@ -48,7 +48,7 @@ from diagnosis.preparation import (
 )
 from diagnosis.problem import LIMIT, Problem, coarser, in_band, segments, smooth_derivatives, stack
 from diagnosis.quantities import title
-from diagnosis.replay import WINDOW, input_equivalent, replay
+from diagnosis.replay import WINDOW, input_equivalent
 from diagnosis.report import render
 from diagnosis.result import (
     Alternative,
@@ -560,8 +560,9 @@ def solve(
     tell(f"{name}: a network for the remainder")
     networks, reason = compensators(read.fitted, problem, finding, group, np.random.default_rng(0))
     if any(networks):
-        point = ledger[-1].point
-        ledger.append(Step("+ compensator", "compensator", None, point, replay(held_out, point, WINDOW, networks)))
+        networks, step, refused = not_refused(held_out, ledger[-1], networks)
+        ledger += [] if step is None else [step]
+        reason = refused or reason
     seconds["search"] = seconds.get("search", 0.0) + found - started
     seconds["ledger"] = seconds.get("ledger", 0.0) + clock.perf_counter() - found
     return Solved(

@@ -764,7 +764,7 @@ def test_isolability_and_next_experiment(with_friction: tuple) -> None:
 
 
 def test_compensator_has_to_earn_its_place(with_friction: tuple) -> None:
-    from diagnosis.compensator import compensators
+    from diagnosis.compensator import compensators, not_refused
 
     rng = np.random.default_rng(0)
     read = with_friction[0]
@@ -781,6 +781,17 @@ def test_compensator_has_to_earn_its_place(with_friction: tuple) -> None:
     steps = {step.role: step for step in solved.ledger}
     assert solved.finding.verdict == "unknown"
     assert rms(steps["compensator"].replay.windows) < 0.5 * rms(steps["nominal"].replay.windows)
+    # the held-out logs can refuse it
+    (network,) = solved.compensators
+    assert network is not None
+    worse = replace(network, output=-network.output)
+    before = solved.last
+    kept, step, why = not_refused(solved.held_out, before, (network,))
+    assert (kept, why) == ((network,), "")
+    assert step is not None
+    kept, step, why = not_refused(solved.held_out, before, (worse,))
+    assert (kept, step) == ((None,), None)
+    assert why.startswith("it makes the held-out error ")
 
 
 def test_effects_that_make_held_out_logs_worse_are_not_the_right_ones() -> None:

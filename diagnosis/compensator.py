@@ -80,7 +80,7 @@ def not_refused(
 
     step = with_them(networks)
     ratios = {j: times(step, j) for j, own in enumerate(networks) if own is not None}
-    worse = {j: ratio for j, ratio in ratios.items() if not ratio < 1.0}
+    worse = {j: ratio for j, ratio in ratios.items() if ratio >= 1.0}
     if not worse:
         return tuple(networks), step, ""
     kept = tuple(None if j in worse else own for j, own in enumerate(networks))

@@ -84,8 +84,5 @@ def not_refused(
     if not worse:
         return tuple(networks), step, ""
     kept = tuple(None if j in worse else own for j, own in enumerate(networks))
-    most = max(worse.values())
-    said = (
-        f"makes the held-out error {most:.3g} times as large" if np.isfinite(most) else "diverges on the held-out logs"
-    )
-    return kept, with_them(kept) if any(kept) else None, f"it {said}"
+    said = f"it makes the held-out error {max(worse.values()):.3g} times as large"
+    return kept, with_them(kept) if any(kept) else None, said

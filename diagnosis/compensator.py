@@ -75,14 +75,11 @@ def not_refused(
     def with_them(own: Sequence[TwoLayerNetwork | None]) -> Step:
         return Step("+ compensator", "compensator", None, last.point, replay(held_out, last.point, WINDOW, own))
 
-    def times(step: Step, j: int) -> float:
-        return rms(step.replay.windows[:, j]) / max(rms(last.replay.windows[:, j]), 1e-300)
-
-    step = with_them(networks)
-    ratios = {j: times(step, j) for j, own in enumerate(networks) if own is not None}
-    worse = {j: ratio for j, ratio in ratios.items() if ratio >= 1.0}
+    step, windows = with_them(networks), last.replay.windows
+    ratios = [rms(own) / max(rms(before), 1e-300) for own, before in zip(step.replay.windows.T, windows.T, strict=True)]
+    worse = [j for j, own in enumerate(networks) if own is not None and ratios[j] >= 1.0]
     if not worse:
         return tuple(networks), step, ""
     kept = tuple(None if j in worse else own for j, own in enumerate(networks))
-    said = f"it makes the held-out error {max(worse.values()):.3g} times as large"
+    said = f"it makes the held-out error {max(ratios[j] for j in worse):.3g} times as large"
     return kept, with_them(kept) if any(kept) else None, said

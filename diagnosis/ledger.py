@@ -138,8 +138,8 @@ def faster(problem: Problem, held_out: Problem, finding: Finding, j: int) -> flo
         np.mean(predicted_motion(own, transfer(own, finding.final.point))[own.used, j, 1] ** 2)
         for own in (held_out, problem)
     )
-    own = noise_floor(problem, finding.final, j, WINDOW, float(jitter * np.sqrt(here)), coloured=False)
-    return float(min(own, noise_of_fit(problem, finding, j)) ** 2 * (there / max(here, 1e-300) - 1.0))
+    by_jitter = noise_floor(problem, finding.final, j, WINDOW, float(jitter * np.sqrt(here)), coloured=False)
+    return float(min(by_jitter, noise_of_fit(problem, finding, j)) ** 2 * (there / max(here, 1e-300) - 1.0))
 
 
 def failures(problem: Problem, held_out: Problem, finding: Finding, found: Sequence[Step]) -> dict[int, Failure]:

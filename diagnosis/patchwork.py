@@ -37,7 +37,7 @@ COASTING = 0.6
 DEEP = 20.0
 """Depth to which a hardening contact is pressed, in halves of its play, from which there is no play to speak of."""
 FOLLOWS = 2.0 * np.pi
-"""Times that a spring has to draw back, in the longest log, what its own damper lets slip."""
+"""Time constants, of a spring that draws back what its own damper lets slip, that the longest log has to last."""
 CANCELLING = 0.25
 """Sum of torques, as a share of the largest, below which they only describe another law."""
 
@@ -63,8 +63,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
     polynomial of the position with as many coefficients explains the logs as well, up to `margin` of -2 log likelihood.
     All laws without a memory: an offset far beyond the commands that an asymmetry takes back is a piece of another law.
     Laws of the command and of the motor torque, where this is the command: neither has its textbook's form. A play
-    whose contact hardens and is pressed far deeper than the play is wide. A flexibility whose spring never draws back
-    what its damper lets slip.
+    whose contact hardens and is pressed far deeper than the play is wide. A flexibility whose spring takes
+    so long to draw back what its damper lets slip that the longest log lasts less than FOLLOWS of its time constants.
     """
     found: dict[int, Patchwork] = {}
     for j in range(problem.joints):
@@ -134,7 +134,7 @@ def is_spring(problem: Problem, final: Fitted, j: int, play: Effect) -> bool:
 
 def is_slipping(problem: Problem, final: Fitted, j: int, law: Effect) -> bool:
     """Whether a flexibility is a damper between two inertias: with the angular frequency w and the damping ratio z its
-    spring draws a twist back at the rate ``w / (2 z)``, in no log."""
+    spring draws a twist back at the rate ``w / (2 z)``, too slowly for the longest log."""
     if law.label != "joint_flexibility":
         return False
     frequency, ratio = (

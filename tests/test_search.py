@@ -35,7 +35,7 @@ from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, 
 from diagnosis.imitation import Signals, imitating, resistance
 from diagnosis.instants import retimed
 from diagnosis.jitter import Jitter, jitter
-from diagnosis.ledger import floor_of
+from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.other_bases import (
     also_by_own_steps,
@@ -1636,6 +1636,8 @@ def test_jitter_makes_more_noise_where_the_joint_moves_faster() -> None:
     here, there = (floor_of(problem, own, finding, 0) for own in (problem, fast))  # type: ignore[arg-type]
     error = rms(replay(problem, fitted.point, WINDOW).windows)
     assert (here, there) == pytest.approx((error, times * error), rel=0.35)
+    assert there == pytest.approx(times * here, rel=0.1)
+    assert faster(problem, problem, finding, 0) == pytest.approx(0.0, abs=1e-12)  # type: ignore[arg-type]
 
 
 LUGRE = {"torque": 0.3, "deflection": 0.05, "damping_time": 0.002, "rise": 0.8, "velocity": 0.25, "fall_exponent": 2.0}

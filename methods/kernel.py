@@ -169,6 +169,7 @@ STRUCTURAL = {
     "rounded_stribeck_friction": "BLEND",
     "constrained_coulomb_friction": "YIELD",
     "gravity_tilt": "TILT",
+    "link_load_dependent_friction": "CARRY",
 }
 """Effects that need states, time shifts or finer steps and are therefore known by name in the template below."""
 
@@ -380,7 +381,7 @@ def _source(kernel: Kernel) -> str:
         "sensor": "y += {f}(q, p[{o}:{e}])",
     }
     for column, effect in enumerate(kernel.effects):
-        if effect.slot == "structure":
+        if effect.slot == "structure" or STRUCTURAL.get(effect.name) == "CARRY":
             continue
         assert effect.function is not None, f"effect {effect.name} has no function"
         name = f"_{effect.name}"
@@ -724,6 +725,15 @@ def _yielded(r, dq, inertia, own, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _carried(r, dq, arm, level, p):
+    """Level of dry friction in proportion to the load that an arm is for its transmission: share inertia q'' + arm,
+    where inertia q'' is the net torque r less friction of a level, and this one (it lessens what it depends on)."""
+    sign = math.copysign(1.0, dq if dq != 0.0 else r)
+    load = p[CARRY_P + 1] * (r - sign * level) + arm
+    return p[CARRY_P] * abs(load) / (1.0 + p[CARRY_P + 1] * p[CARRY_P] * math.copysign(1.0, load * sign))
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _chain(t, q, dq, w, heat, viscous, arm, u, x, p, on, has, load, own):
     """Motor and torques of one joint: (w, w', heat', torque on the inertia without dry friction, level of dry
     friction). viscous, arm: friction and torque on the arm as well, where no spring or play is in between; own: share
@@ -738,6 +748,8 @@ def _chain(t, q, dq, w, heat, viscous, arm, u, x, p, on, has, load, own):
         r -= own * _drag(t, q, dq, w, x, p, on)
     r = _yielded(r, dq, p[INERTIA], own, p, on)
     level = own * _friction(t, q, dq, w, p, on) if has[3] else 0.0
+    if CARRY >= 0 and on[CARRY]:
+        level += _carried(r, dq, arm, level, p)
     return w, change, heating, r, level
 
 
@@ -1649,6 +1661,9 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
         for l in range(LANES):
             S[LEVEL_ + l] = 0.0
         #friction_lanes#
+        for l in range(n if CARRY >= 0 and any_on[CARRY] and not behind else 0):
+            if on[l, CARRY]:
+                S[LEVEL_ + l] += _carried(S[R_ + l], S[DQS_ + l], S[WEIGHT_ + l], S[LEVEL_ + l], p[l])
         if behind:
             for l in range(LANES):
                 S[HELD_ + l] = S[ARM_FRICTION_ + l] * S[LEVEL_ + l]

@@ -1,5 +1,8 @@
 """Load-dependent friction: dry friction in proportion to the torque that the transmission carries.
 
+That is the motor's torque or, behind the inertia of a motor that is no small part of the joint's, what is left for the
+arm: ``load = share inertia q'' + torque of the arm's position``.
+
 Source: P. Hamon, M. Gautier, P. Garrec, New dry friction model with load- and velocity-dependence, IEEE ICRA 2011.
 """
 
@@ -8,6 +11,8 @@ from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter
 from methods.effects.coulomb_friction import ROUNDING, WIDTHS, turns_slowly
+
+PLAYS = ("backlash", "backlash_load_side", "backlash_power")
 
 
 def friction(t, q, dq, w, p):
@@ -45,4 +50,20 @@ ROUNDED = replace(
     starts=lambda s: [(0.02, share * s.velocity_rms) for share in WIDTHS],
     function=rounded,
 )
-EFFECTS = (EFFECT, ROUNDED)
+LINK = replace(
+    EFFECT,
+    name="link_load_dependent_friction",
+    kind="load_dependent_friction",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("link_share", "ratio", "share of the inertia that the transmission moves", 0.0, 1.0),
+    ),
+    equation=r"\tau_f = \mu\,|s\,J\ddot q + \tau_{arm}|\,\mathrm{sign}(\dot q)",
+    excludes=(EFFECT.name, ROUNDED.name, "joint_flexibility", "joint_flexibility_load_side", *PLAYS),
+    starts=lambda s: [] if s.coupled else [(0.02, 0.0), (0.02, 0.9)],
+)
+"""Friction by the torque that the arm takes; the kernel knows it by its name, for it depends on the acceleration that
+it has a part in. Not for planar pairs, nor beside a spring, whose torque this is."""
+EFFECT = replace(EFFECT, excludes=(LINK.name,))
+ROUNDED = replace(ROUNDED, excludes=(LINK.name,))
+EFFECTS = (EFFECT, ROUNDED, LINK)

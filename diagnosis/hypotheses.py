@@ -46,6 +46,8 @@ LENGTHS = 40
 """How many of them count as searched."""
 NEVER = 2.0
 """Instant, over the length of the longest log, of an event that a log does not have."""
+AT_REST = "payload_change_at_rest"
+"""A load that takes its share of the momentum when it is picked up."""
 AT_ONCE = 16
 """Hypotheses that are simulated at once."""
 MEMORY = 4_000_000
@@ -516,7 +518,8 @@ class Event:
 
 
 def seen_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales, log: int) -> list[Event]:
-    """Matched filters on one log: pulses of several lengths (collision) or a step of inertia or weight (payload)."""
+    """Matched filters on one log: pulses of several lengths (collision) or a step of inertia or weight (payload), or
+    the blow of a load that rested."""
     a, b = problem.bounds[log], problem.bounds[log + 1]
     time = problem.time[a:b] - problem.time[a]
     usable = time > problem.burn_in
@@ -534,8 +537,12 @@ def seen_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, siz
     steps = [_step(c, signal * usable, tool) for signal in signals]
     score, index = max(steps)
     further = next(iter(effect.starts(size)))[2:] if effect.starts else ()
-    values = np.array([0.05 * size.inertia, time[index], *further])
-    return [Event(score, values, len(steps) * searched)] if score > 0.0 else []
+    best = [(score, index)]
+    if effect.name == AT_REST:
+        best += [(score, index) for score, _, index in _pulses(c, tool, problem.sample_time)[:1]]
+    values = np.array([[0.05 * size.inertia, time[index], *further] for _, index in best])
+    count = (len(steps) + len(best) - 1) * searched
+    return [Event(score, own, count) for (score, _), own in zip(best, values, strict=True) if score > 0.0]
 
 
 def _step(correlation: Array, signal: Array, tool: Adjoint) -> tuple[float, int]:
@@ -582,7 +589,7 @@ def _apart(
 
 
 def _pulses(correlation: Array, tool: Adjoint, dt: float) -> list[tuple[float, int, int]]:
-    """(score, length and first sample) of the pulses that match best, one per octave of their lengths.
+    """(score, length and first sample) of the pulses that match best, one per octave of their lengths, shortest first.
 
     A whitened response is short, so that a pulse only matches where both of its ends do: lengths are close together.
     """

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from diagnosis.engine import find
-from diagnosis.nominal import JointStructure
+from diagnosis.hypotheses import scan, sizes_of
+from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import stack
 from envs.log import JointFacts, Log
 from methods.effects import built_in
@@ -20,20 +21,25 @@ INERTIA, DRAG, WEIGHT = 0.05, 0.4, 0.9
 LOAD, PULL, PICKED_UP = 0.01, 0.3, 8.4
 
 
-def lifting(seed: int, pull: float) -> Log:
-    """A pendulum that picks up a load, in thirty steps of its equations a sample."""
+def lifting(seed: int, pull: float, load: float = LOAD, rested: bool = False, wave: float = 0.0, dt: float = DT) -> Log:
+    """A pendulum that picks up a load, which may have rested, in thirty steps of its equations a sample; its encoder's
+    disc may be off centre by a wave."""
     rng = np.random.default_rng(seed)
-    time = DT * np.arange(5000)
+    time = dt * np.arange(round(20.0 / dt))
     hertz = np.array([0.3, 0.7, 1.3, 3.1])
     command = 0.8 * np.sum(np.sin(2 * np.pi * np.outer(time, hertz) + rng.uniform(0, 6, 4)), axis=1)
-    position, angle, speed, part = np.zeros(len(time)), 0.0, 0.0, DT / 30
+    position, angle, speed, part, carried = np.zeros(len(time)), 0.0, 0.0, dt / 30, False
     for k, u in enumerate(command):
         position[k] = angle
         for i in range(30):
             carries = time[k] + i * part >= PICKED_UP
             weight = (WEIGHT + pull * carries) * np.sin(angle)
-            speed += part * (u - DRAG * speed - weight) / (INERTIA + LOAD * carries)
+            if rested and not carried and carries:
+                speed *= INERTIA / (INERTIA + load)
+            carried = carries
+            speed += part * (u - DRAG * speed - weight) / (INERTIA + load * carries)
             angle += part * speed
+    position += wave * np.sin(position + 0.4)
     facts = JointFacts(input="torque", position_unit="rad", encoder_step=STEP)
     return Log(time, command[:, None], STEP * np.round(position[:, None] / STEP), (1,), facts=(facts,), name=f"{seed}")
 
@@ -51,3 +57,12 @@ def test_a_load_is_found_with_its_weight_if_it_has_one(pull: float, form: str) -
     values = finding.final.point.parameters[0, 0, KERNEL.own(NAMED[form])]
     assert values[:2] == pytest.approx([LOAD, PICKED_UP], rel=0.02)
     assert values[2:] == pytest.approx([pull, 0.0][: len(values) - 2], abs=0.01)
+
+
+def test_the_blow_of_a_load_that_rested_tells_its_instant() -> None:
+    problem = stack(KERNEL, [lifting(seed, 0.0, load=1e-3, rested=True, wave=5e-3, dt=1e-3) for seed in (1, 2)], (1,))
+    base = fit_nominal(problem, (JointStructure(input="torque", gravity="pendulum"),))
+    rested = NAMED["payload_change_at_rest"]
+    column = [parameter.name for parameter in rested.parameters].index("time")
+    starts = scan(problem, base, rested, 0, sizes_of(problem, base)[0])
+    assert min(abs(values[:, column] - PICKED_UP).max() for _, values, _ in starts) < 4e-3

@@ -314,6 +314,11 @@ Way = Callable[[Path, Accepted], Path | None]
 """From a path and one of its effects to another path that does better, if there is one."""
 
 
+def of_one_law(one: Accepted, other: Accepted) -> bool:
+    """Whether two effects are forms of one law on one joint."""
+    return (one.label, one.joint) == (other.label, other.joint)
+
+
 def shortened(path: Path, others: tuple[Accepted, ...], base: Fitted) -> Path:
     """The path with some of its effects only; base: the model with these."""
     present = frozenset(place for other in others for place in stood_for(other))
@@ -580,31 +585,39 @@ class Search:
 
     def with_second(self, path: Path, item: Accepted) -> Path | None:
         """The path with what came second in the place of what was taken then, as it was fitted then but beside all the
-        others; None if none does better."""
-        others = tuple(other for other in path.accepted if other is not item)
-        there = {place for other in others for place in stood_for(other)}
+        others; None if none does better.
+
+        Another form of the second's law that came later goes, too: it made up for what the first one lacks.
+        """
+        rest = tuple(other for other in path.accepted if other is not item)
         seconds = [
             fork.other
             for fork in path.forks
             if fork.taken == (item.label, item.joint) and fork.other.label != item.label
-            if (fork.other.name, fork.other.joint) not in there
+            if (fork.other.name, fork.other.joint) not in {(other.name, other.joint) for other in rest}
         ]
-        if not others or not seconds:
+        options = [(second, tuple(other for other in rest if not of_one_law(other, second))) for second in seconds]
+        if not rest or not options:
             return None
         self.tell(f"what came second to {item.label}")
-        fits = each(lambda second: beside(self.problem, path.base, second.scored, others), seconds)
-        costs = [cost(self.problem, *option) for option in zip(fits, [(*others, s) for s in seconds], strict=True)]
+        fits = each(lambda option: beside(self.problem, path.base, option[0].scored, option[1]), options)
+        margins = [self.settings.threshold if len(others) == len(rest) else 0.0 for _, others in options]
+        costs = [
+            cost(self.problem, fitted, (*others, second)) + margin
+            for fitted, margin, (second, others) in zip(fits, margins, options, strict=True)
+        ]
         first = int(np.argmin(costs))
-        if costs[first] >= self.cost(path) - self.settings.threshold:
+        if costs[first] >= self.cost(path):
             return None
-        fitted, best = fits[first], seconds[first]
-        smaller = without(self.problem, path.base, item)
+        fitted, (best, others) = fits[first], options[first]
+        smaller = self.reduced(path, others).base
         explained = self.nominal.criterion - smaller.criterion
         scored = best.scored.refitted(smaller, fitted)
         chosen = choose(self.problem, smaller, [scored], self.settings, explained, others)
         if chosen is None:
             return None
-        return self.instead(path, others, smaller, replace(chosen, considered=best.considered))
+        chosen = replace(chosen, considered=best.considered)
+        return self.instead(path, others, smaller, chosen, margins[first])
 
     def with_another_law(self, path: Path, item: Accepted, *, any_law: bool) -> Path | None:
         """The path with another law in the place of an effect: any, or one of its near equals; None if none does
@@ -631,13 +644,15 @@ class Search:
         best = choose(problem, smaller, ranked, settings, explained, others)
         if best is None or best.scored.decrease < FORK * needed:
             return None
-        return self.instead(path, others, smaller, best)
+        return self.instead(path, others, smaller, best, settings.threshold)
 
-    def instead(self, path: Path, others: tuple[Accepted, ...], smaller: Fitted, best: Accepted) -> Path | None:
-        """The path with another effect beside those that stay, and continued; None if it does no better. smaller: the
-        model of those that stay."""
+    def instead(
+        self, path: Path, others: tuple[Accepted, ...], smaller: Fitted, best: Accepted, margin: float
+    ) -> Path | None:
+        """The path with another effect beside those that stay, and continued; None if it does no better by a margin.
+        smaller: the model of those that stay."""
         longer = self.grown(self.advanced(shortened(path, others, smaller), best))
-        return longer if self.cost(longer) < self.cost(path) - self.settings.threshold else None
+        return longer if self.cost(longer) < self.cost(path) - margin else None
 
     def asks(self, path: Path) -> bool:
         """Whether what is left beside the effects is worth another look at them."""

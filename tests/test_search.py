@@ -733,6 +733,11 @@ def test_what_came_second_takes_its_place_beside_all_others_though_nothing_is_le
     assert {item.label for item in other.accepted} == {"coulomb_friction", "cable_spring"}
     right = Path(other.base, other.accepted, other.present, (nominal,), forks=(replace(fork, other=drag),))
     assert search.exchanged(right) is right
+    mended = accepted(problem, spring.scored.fitted, "rounded_coulomb_friction", [0.1, 0.05])
+    mended_path = replace(path, base=mended.scored.fitted, accepted=(drag, spring, mended), forks=(fork,))
+    alone = search.with_second(mended_path, drag)  # what makes up for the drag is the second's law and goes with it
+    assert alone is not None
+    assert {item.name for item in alone.accepted} == {"coulomb_friction", "cable_spring"}
 
 
 @pytest.mark.parametrize(

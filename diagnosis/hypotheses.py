@@ -19,7 +19,7 @@ from diagnosis.arm_damping import may_rub_behind, rubbing_behind
 from diagnosis.behind import borne
 from diagnosis.estimation import Fitted, Point, errors, predicted_motion, scatters
 from diagnosis.glance import Glance, can_be_glanced_at
-from diagnosis.problem import Free, Problem, scales, smooth_derivatives
+from diagnosis.problem import MECHANICAL, Free, Problem, scales, smooth_derivatives
 from diagnosis.regression import View
 from envs.log import Array
 from methods.effects.base import Effect, Scales
@@ -32,8 +32,6 @@ VISCOUS, BACK_EMF = "viscous", "back_emf"
 FOLLOWING = NOMINAL.index("following")
 FIXED = 1e-4
 """Standard deviation, as a share of its scale, of a parameter that is held."""
-DAMPING = 0.5
-"""Share of the damping by which its mechanical part may differ from the stated one (one standard deviation)."""
 SAMPLES = 500.0
 """Scale of an event's instant: its derivative is taken over half a sample."""
 CYCLES = 40_000
@@ -155,7 +153,14 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
         begin = float(parameters[0, j, NOMINAL.index(VISCOUS)])
         free.append(
             Free(
-                f"{VISCOUS}@{j}", "joint", j, NOMINAL.index(VISCOUS), size, 0.0, centre=begin, deviation=DAMPING * size
+                f"{VISCOUS}@{j}",
+                "joint",
+                j,
+                NOMINAL.index(VISCOUS),
+                size,
+                0.0,
+                centre=begin,
+                deviation=MECHANICAL * size,
             )
         )
     return replace(point, parameters=parameters, switches=switches, free=tuple(free))
@@ -187,7 +192,7 @@ def withdraw(problem: Problem, point: Point, name: str, joint: int, *, divided: 
     shared = next((f for f in free if f.name == f"{VISCOUS}@{joint}" and np.isfinite(f.deviation)), None)
     if shared is not None and divided:
         free[free.index(shared)] = replace(shared, deviation=np.inf)
-    elif shared is not None and not any(effect.has_motor_torque for effect in left):
+    elif shared is not None and not (problem.divides_damping or any(effect.has_motor_torque for effect in left)):
         parameters = parameters.copy()  # the damping as a whole stays
         moved = parameters[:, joint, shared.column] - shared.centre
         parameters[:, joint, shared.column] -= moved

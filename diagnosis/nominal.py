@@ -12,7 +12,7 @@ import numpy as np
 from diagnosis.arm_torques import UNCERTAIN
 from diagnosis.estimation import Fitted, Point, fit, predicted_motion
 from diagnosis.pair_start import PairStart, pair_start
-from diagnosis.problem import Free, Problem, Stamps, centred, evenly, free_velocity, smooth_derivatives
+from diagnosis.problem import MECHANICAL, Free, Problem, Stamps, centred, evenly, free_velocity, smooth_derivatives
 from diagnosis.smoothing import window
 from diagnosis.timing import timing_settled
 from envs.log import Array, InputKind
@@ -161,6 +161,10 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
                     deviation=np.inf if known is None else TOLERANCE * known,
                 )
             )
+            if problem.divides_damping:
+                column = COLUMN["viscous"]
+                begin, deviation = share * damping, MECHANICAL * damping
+                free.append(Free(f"viscous@{j}", "joint", j, column, damping, 0.0, centre=begin, deviation=deviation))
         if structure.gravity == "pendulum":
             size = drive
             parameters[:, j, COLUMN["gravity_sine"]], parameters[:, j, COLUMN["gravity_cosine"]] = x[4], x[5]

@@ -33,6 +33,8 @@ EVEN = 1e-3  # share of a step by which stamps may miss even instants and still 
 INDEPENDENT = (
     0.5  # mean square change of the stamps' error over twice its mean square, 1 where one does not know the next
 )
+MECHANICAL = 0.5
+"""Share of the damping by which its mechanical part may differ from the stated one (one standard deviation)."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,12 @@ class Problem:
     @property
     def joints(self) -> int:
         return self.command.shape[1]
+
+    @property
+    def divides_damping(self) -> bool:
+        """Whether the pose changes the joints' inertia, so that mechanical damping and back-EMF behind a winding differ:
+        under an inertia that stays the same either can stand in for the other, with another inertia and winding."""
+        return self.pair or self.arm is not None
 
     @property
     def logs(self) -> int:

@@ -270,6 +270,30 @@ def test_noise_does_not_hide_what_the_joints_do_to_each_other_where_a_fit_begins
     assert begun["coupling_inertia"] == pytest.approx(COUPLING.coupling_inertia, rel=0.3)
 
 
+def test_a_winding_tells_viscous_friction_from_back_emf_where_a_pose_changes_the_inertia() -> None:
+    """Under an inertia that stays the same either can stand in for the other, with another winding and inertia."""
+    time = DT * np.arange(8000)
+    wave = lambda low, high: sum(np.sin(2 * np.pi * f * time + f**2) for f in np.linspace(low, high, 7))  # noqa: E731
+    command = np.column_stack([0.4 * wave(0.3, 2.0), 0.3 * wave(0.4, 2.3)])
+    winding, share = {"electrical_time_constant": 0.012}, 0.3
+    joints = tuple(
+        StructuredJoint(j + 1, "voltage", own | winding | {"viscous": share * own["back_emf"]}, {})
+        for j, own in enumerate((FIRST, SECOND))
+    )
+    model = StructuredModel(joints, DT, COUPLING, EFFECTS)
+    position = model.simulate(time, command, State.at_rest(np.zeros(2))).position
+    facts = (JointFacts(input="voltage", position_unit="rad", encoder_step=STEP),) * 2
+    log = Log(time, command, STEP * np.round(position / STEP), (1, 2), facts=facts)
+    fitted = fit_nominal(stack(KERNEL, [log], (1, 2), pair=True), (JointStructure(viscous_share=0.1),) * 2)
+    for j, own in enumerate((FIRST, SECOND)):
+        found = {
+            name: fitted.point.value(f"{name}@{j}") for name in ("viscous", "back_emf", "electrical_time_constant")
+        }
+        assert found == pytest.approx(
+            {"viscous": share * own["back_emf"], "back_emf": own["back_emf"], **winding}, rel=0.01
+        )
+
+
 THREE_LINKS = """<mujoco><worldbody>
   <body><joint name="a" axis="0 0 1"/><inertial pos="0.2 0 0" mass="4" diaginertia="0.05 0.05 0.05"/>
   <body pos="0.4 0 0"><joint name="b" axis="0 0 1"/><inertial pos="0.15 0 0" mass="3" diaginertia="0.03 0.03 0.03"/>

@@ -192,13 +192,15 @@ def least_beside(
 
     It may only make up for an inexact law of one of them, all the more where the evidence is weak and both follow the
     same signal. What follows the position and what follows the motor do not stand in for each other where the evidence
-    is strong. An offset is a constant: there is nothing about it to repair.
+    is strong, nor does what a reading has of its place for any law of the amplifier. An offset is a constant: there is
+    nothing about it to repair.
     """
     accepted = [item for item in accepted if item.label != CONSTANT]
     beside = [item.effect for item in accepted if item.joint == joint]
     is_weak = evidence <= settings.weak
     own = None if is_weak else DRIVEN_BY.get(effect.variable)
-    others = [DRIVEN_BY.get(other.variable) for other in beside]
+    reads = effect.slot == "sensor"
+    others = ["motor" if reads and other.stage == "amplifier" else DRIVEN_BY.get(other.variable) for other in beside]
     if not any(own is None or other is None or own == other for other in others):
         return settings.material if accepted else settings.faint
     doubtful = any(other.scatters or (is_weak and other.variable == effect.variable) for other in beside)

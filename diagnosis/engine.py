@@ -42,7 +42,7 @@ from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.imitation import imitating
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
-from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, windings_settled
+from diagnosis.nominal import JointStructure, damping_settled, fit_nominal, limits_settled, windings_settled
 from diagnosis.of_motion import is_of_motion
 from diagnosis.other_bases import (
     also_by_own_steps,
@@ -501,7 +501,7 @@ class Search:
         accepted.append(chosen)
         base = limits_settled(problem, chosen.scored.fitted, self.structures)
         base = arm_damping_settled(problem, beginnings_settled(problem, base))
-        base = timing_settled(problem, windings_settled(problem, base))
+        base = damping_settled(problem, timing_settled(problem, windings_settled(problem, base)))
         accepted, base = recurrences_settled(problem, accepted, following_settled(problem, base))
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)

@@ -166,6 +166,17 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
     return replace(point, parameters=parameters, switches=switches, free=tuple(free))
 
 
+def resists(effect: Effect) -> bool:
+    """Whether an effect resists behind a winding's lag, which holds up the back-EMF only."""
+    return effect.slot in ("torque", "friction") or effect.stage in ("transmission", "arm")
+
+
+def is_divided(problem: Problem, effects: Iterable[Effect], stated: float) -> bool:
+    """Whether mechanical damping and back-EMF may be two parameters of a joint with these effects: the motor torque
+    drives one of them or, where nobody stated the former, one resists. stated: mechanical damping as stated, or 0."""
+    return problem.divides_damping or any(e.has_motor_torque or (stated == 0.0 and resists(e)) for e in effects)
+
+
 def is_wave(effect: Effect) -> bool:
     """Whether an effect is a wave over the position that acts on the joint: where it is on the wave has to be known
     better than models predict it that noise drives away, so that its position follows the readings."""
@@ -192,7 +203,7 @@ def withdraw(problem: Problem, point: Point, name: str, joint: int, *, divided: 
     shared = next((f for f in free if f.name == f"{VISCOUS}@{joint}" and np.isfinite(f.deviation)), None)
     if shared is not None and divided:
         free[free.index(shared)] = replace(shared, deviation=np.inf)
-    elif shared is not None and not (problem.divides_damping or any(effect.has_motor_torque for effect in left)):
+    elif shared is not None and not is_divided(problem, left, shared.centre):
         parameters = parameters.copy()  # the damping as a whole stays
         moved = parameters[:, joint, shared.column] - shared.centre
         parameters[:, joint, shared.column] -= moved

@@ -32,6 +32,8 @@ HOPELESS = 2.0
 """Mean square of the innovations over that of the fit so far, from which a first fit is not carried on."""
 FAR = 1.15
 """The same for a fit that begins where the other one ended."""
+TOLD = 60.0
+"""Decrease of -2 log likelihood from which logs tell mechanical damping from back-EMF."""
 ROWS = 15_000
 """Samples at most on which a starting point is regressed along with an effect."""
 
@@ -161,10 +163,6 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
                     deviation=np.inf if known is None else TOLERANCE * known,
                 )
             )
-            if problem.divides_damping:
-                column = COLUMN["viscous"]
-                begin, deviation = share * damping, MECHANICAL * damping
-                free.append(Free(f"viscous@{j}", "joint", j, column, damping, 0.0, centre=begin, deviation=deviation))
         if structure.gravity == "pendulum":
             size = drive
             parameters[:, j, COLUMN["gravity_sine"]], parameters[:, j, COLUMN["gravity_cosine"]] = x[4], x[5]
@@ -251,7 +249,7 @@ def settle_stamps(
 
 def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fitted:
     """Fit of the nominal model. A drive's stated torque limit takes part only where the logs show that it acts, a
-    timing (`diagnosis.timing`) only where they ask for it."""
+    timing (`diagnosis.timing`) and the split of the damping only where they ask for it."""
     free_running = tuple(replace(s, torque_limit=0.0) for s in structures)
     best = fit(problem, point_at(problem, free_running)[0], rounds=3, iterations=12)
     if any(s.torque_limit > 0.0 for s in structures):
@@ -260,7 +258,7 @@ def fit_nominal(problem: Problem, structures: tuple[JointStructure, ...]) -> Fit
             limited = _promising(problem, point_at(problem, structures)[0], best, HOPELESS, rounds=3, iterations=12)
             if limited.criterion < best.criterion:
                 best = limited
-    return timing_settled(problem, best)
+    return damping_settled(problem, timing_settled(problem, best))
 
 
 def without_limits(problem: Problem, fitted: Fitted) -> Fitted | None:
@@ -315,6 +313,29 @@ def windings_settled(problem: Problem, fitted: Fitted) -> Fitted:
         parameters[:, j, column] = step
         other = fit(problem, replace(fitted.point, parameters=parameters), rounds=2, iterations=4)
         if other.criterion < fitted.criterion:
+            fitted = other
+    return fitted
+
+
+def damping_settled(problem: Problem, fitted: Fitted) -> Fitted:
+    """The fit with mechanical damping and back-EMF as two parameters, where this makes the logs far likelier.
+
+    A winding's lag holds up the back-EMF only. Beside inertia and damping alone either can stand in for the other. The
+    links of an arm, whose pose changes the inertia, tell them apart; so do effects that resist, but so faintly that a
+    simulator's steps may do it, too: beside them a share that was stated is better.
+    """
+    known, column = {f.name: f for f in fitted.point.free}, COLUMN["viscous"]
+    for j in range(problem.joints):
+        back_emf, winding = known.get(f"back_emf@{j}"), known.get(f"electrical_time_constant@{j}")
+        begin = float(fitted.point.parameters[0, j, column])
+        is_told = problem.divides_damping or (begin == 0.0 and np.any(fitted.point.switches[j]))
+        if f"viscous@{j}" in known or back_emf is None or winding is None or not is_told:
+            continue
+        size = back_emf.scale
+        split = Free(f"viscous@{j}", "joint", j, column, size, 0.0, centre=begin, deviation=MECHANICAL * size)
+        point = replace(fitted.point, free=(*fitted.point.free, split))
+        other = fit(problem, point, rounds=2, iterations=12)
+        if other.criterion < fitted.criterion - TOLD:
             fitted = other
     return fitted
 

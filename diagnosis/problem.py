@@ -136,8 +136,8 @@ class Problem:
 
     @property
     def divides_damping(self) -> bool:
-        """Whether the pose changes the joints' inertia, so that mechanical damping and back-EMF behind a winding differ:
-        under an inertia that stays the same either can stand in for the other, with another inertia and winding."""
+        """Whether the pose changes the inertia, so that mechanical damping and back-EMF behind a winding differ: under
+        an inertia that stays the same either can stand in for the other, with another inertia and winding."""
         return self.pair or self.arm is not None
 
     @property

@@ -1429,6 +1429,10 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     assert beside_offset() == Settings().faint
     assert beside_offset(there(0, "motor torque")) == Settings().material
     assert beside_offset(there(1, "position")) == Settings().material
+    lag = SimpleNamespace(joint=0, label="amplifier_lag", effect=NAMED["amplifier_lag"])
+    beside_lag = lambda name, evidence: least_beside(NAMED[name], 0, evidence, (lag,), Settings())  # type: ignore[arg-type]  # noqa: E731
+    assert beside_lag("encoder_eccentricity", 1e3) == Settings().material  # no amplifier errs by where a disc is
+    assert beside_lag("encoder_eccentricity", 50.0) == beside_lag("cogging_torque", 1e3) == 0.5 * Settings().relevant
 
 
 def test_what_a_regression_says_is_too_small_is_not_fitted() -> None:

@@ -1,0 +1,77 @@
+"""A winding's lag holds up the back-EMF and not the friction of bearings, so that what resists tells the two apart."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from diagnosis.estimation import Fitted, fit
+from diagnosis.hypotheses import Hypothesis, extend, withdraw
+from diagnosis.nominal import JointStructure, damping_settled, fit_nominal
+from diagnosis.problem import Problem, stack
+from envs.log import JointFacts, Log
+from methods.base import State
+from methods.effects import built_in
+from methods.kernel import build
+from methods.structured import StructuredJoint, StructuredModel
+
+EFFECTS = built_in()
+KERNEL = build(EFFECTS)
+NAMED = {effect.name: effect for effect in EFFECTS}
+DT, STEP = 1e-3, 1e-5
+INERTIA, VISCOUS, BACK_EMF, WINDING, FRICTION = 0.02, 0.15, 0.15, 0.006, 0.2
+
+
+@cache
+def recorded() -> Problem:
+    """Two logs of a motor with dry friction half of whose damping is mechanical."""
+    time, rng, logs = DT * np.arange(15000), np.random.default_rng(0), []
+    known = {"inertia": INERTIA, "viscous": VISCOUS, "back_emf": BACK_EMF, "electrical_time_constant": WINDING}
+    model = StructuredModel(
+        (StructuredJoint(1, "voltage", known, {"coulomb_friction": {"torque": FRICTION}}),), DT, None, EFFECTS
+    )
+    for number in range(2):
+        hertz = np.linspace(0.2, 6.0, 14) * (1.0 + 0.05 * number)
+        phase = rng.uniform(0.0, 6.28, 14)
+        command = 0.4 * np.sum(np.sin(2 * np.pi * np.outer(time, hertz) + phase), axis=1)[:, None]
+        position = model.simulate(time, command, State.at_rest(np.zeros(1))).position
+        facts = (JointFacts(input="voltage", position_unit="rad", encoder_step=STEP),)
+        logs.append(Log(time, command, STEP * np.round(position / STEP), (1,), facts=facts, name=f"log {number}"))
+    return stack(KERNEL, logs, (1,))
+
+
+def floors(problem: Problem, fitted: Fitted) -> float:
+    """Rms of the errors over that of the encoder's steps."""
+    return float(np.sqrt(12.0 * np.mean(fitted.error[problem.used] ** 2))) / STEP
+
+
+def with_friction(problem: Problem, share: float) -> Fitted:
+    """The joint with the friction that it has, a share of the damping being mechanical as stated."""
+    nominal = fit_nominal(problem, (JointStructure(viscous_share=share),))
+    friction = Hypothesis(NAMED["coulomb_friction"], 0)
+    return fit(problem, extend(problem, nominal.point, friction, np.full((problem.logs, 1), 0.1)), iterations=12)
+
+
+def test_dry_friction_tells_the_share_that_nobody_stated() -> None:
+    problem = recorded()
+    before = with_friction(problem, 0.0)
+    assert floors(problem, before) > 5.0
+    found = damping_settled(problem, before)
+    assert floors(problem, found) < 2.0
+    assert found.point.value("coulomb_friction.torque@0") == pytest.approx(FRICTION, rel=1e-3)
+    assert found.point.value("viscous@0") == pytest.approx(VISCOUS, rel=0.05)
+    also = extend(problem, found.point, Hypothesis(NAMED["quadratic_drag"], 0), np.full((problem.logs, 1), 0.01))
+    fewer = withdraw(problem, also, "quadratic_drag", 0)
+    assert fewer.value("viscous@0") == found.point.value("viscous@0")  # the friction still tells it
+    bare = withdraw(problem, fewer, "coulomb_friction", 0)
+    assert "viscous@0" not in {f.name for f in bare.free}
+    assert bare.value("back_emf@0") == pytest.approx(VISCOUS + BACK_EMF, rel=0.01)
+    assert damping_settled(problem, fit_nominal(problem, (JointStructure(),))).point.free == before.point.free[:-1]
+
+
+def test_a_stated_share_is_left_as_it_is() -> None:
+    problem = recorded()
+    stated = with_friction(problem, 0.4)
+    assert damping_settled(problem, stated) is stated

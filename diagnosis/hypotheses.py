@@ -19,7 +19,7 @@ from diagnosis.arm_damping import may_rub_behind, rubbing_behind
 from diagnosis.behind import borne
 from diagnosis.estimation import Fitted, Point, errors, predicted_motion, scatters
 from diagnosis.glance import Glance, can_be_glanced_at
-from diagnosis.problem import MECHANICAL, Free, Problem, scales, smooth_derivatives
+from diagnosis.problem import Free, Problem, free_damping, scales, smooth_derivatives
 from diagnosis.regression import View
 from envs.log import Array
 from methods.effects.base import Effect, Scales
@@ -151,18 +151,7 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
     if effect.has_motor_torque and f"{BACK_EMF}@{j}" in known and f"{VISCOUS}@{j}" not in known:
         size = known[f"{BACK_EMF}@{j}"].scale
         begin = float(parameters[0, j, NOMINAL.index(VISCOUS)])
-        free.append(
-            Free(
-                f"{VISCOUS}@{j}",
-                "joint",
-                j,
-                NOMINAL.index(VISCOUS),
-                size,
-                0.0,
-                centre=begin,
-                deviation=MECHANICAL * size,
-            )
-        )
+        free.append(free_damping(j, size, begin))
     return replace(point, parameters=parameters, switches=switches, free=tuple(free))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from diagnosis.arm_torques import UNCERTAIN
 from diagnosis.estimation import Fitted, Point, fit, predicted_motion
 from diagnosis.pair_start import PairStart, pair_start
-from diagnosis.problem import MECHANICAL, Free, Problem, Stamps, centred, evenly, free_velocity, smooth_derivatives
+from diagnosis.problem import Free, Problem, Stamps, centred, evenly, free_damping, free_velocity, smooth_derivatives
 from diagnosis.smoothing import window
 from diagnosis.timing import timing_settled
 from envs.log import Array, InputKind
@@ -331,9 +331,7 @@ def damping_settled(problem: Problem, fitted: Fitted) -> Fitted:
         is_told = problem.divides_damping or (begin == 0.0 and np.any(fitted.point.switches[j]))
         if f"viscous@{j}" in known or back_emf is None or winding is None or not is_told:
             continue
-        size = back_emf.scale
-        split = Free(f"viscous@{j}", "joint", j, column, size, 0.0, centre=begin, deviation=MECHANICAL * size)
-        point = replace(fitted.point, free=(*fitted.point.free, split))
+        point = replace(fitted.point, free=(*fitted.point.free, free_damping(j, back_emf.scale, begin)))
         other = fit(problem, point, rounds=2, iterations=12)
         if other.criterion < fitted.criterion - TOLD:
             fitted = other

@@ -383,6 +383,12 @@ def start_deviation(problem: Problem, fastest: Array) -> Array:
     return 5.0 * problem.encoder_step / start_window(problem.sample_time) + 0.05 * np.maximum(fastest, 1e-9)
 
 
+def free_damping(joint: int, damping: float, stated: float) -> Free:
+    """Mechanical damping of a joint beside its back-EMF, by a share of the damping about what was stated."""
+    column, deviation = NOMINAL.index("viscous"), MECHANICAL * damping
+    return Free(f"viscous@{joint}", "joint", joint, column, damping, 0.0, centre=stated, deviation=deviation)
+
+
 def free_velocity(problem: Problem, joint: int, log: int, fastest: float, centre: float) -> Free:
     """The velocity at the beginning of a log as a free parameter, about the one that is read there, of a joint that is
     as fast as this."""

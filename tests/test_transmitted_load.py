@@ -61,3 +61,11 @@ def test_the_load_that_the_arm_is_decides_the_friction() -> None:
     found = {name: finding.final.point.value(f"{item.name}.{name}@0") for name in ("coefficient", "link_share")}
     assert found["coefficient"] == pytest.approx(COEFFICIENT, rel=0.01)
     assert found["link_share"] == pytest.approx(LINK / (MOTOR + LINK), rel=0.05)
+
+
+def test_friction_by_the_link_and_a_spring_or_a_play_exclude_each_other() -> None:
+    link = next(effect for effect in built_in() if effect.name == "link_load_dependent_friction")
+    for effect in built_in():
+        if effect.parts_the_arm:
+            assert effect.name in link.excludes
+            assert link.name in effect.excludes

@@ -9,6 +9,7 @@ Source: M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash: a
 from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter, geometric, grid, is_readable
+from methods.effects.load_dependent_friction import BY_THE_LINK
 
 
 def starts(s):
@@ -35,7 +36,7 @@ EFFECT = Effect(
     starts=starts,
     resolved=lambda p, s: is_readable(p[0], s),
     tries=3,
-    excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side"),
+    excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side", BY_THE_LINK),
     expected_failures=(
         (
             "sensitivities_are_finite_differences",
@@ -50,7 +51,7 @@ LOAD_SIDE = replace(
     kind="backlash",
     parameters=(EFFECT.parameters[0], replace(EFFECT.parameters[1], lower=0.1), *EFFECT.parameters[2:]),
     amplitudes=(),
-    excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash"),
+    excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash", BY_THE_LINK),
     starts=lambda s: [values for values in starts(s) if values[1] == 0.5],
 )
 """The same with the encoder behind the play, which sees it even where little inertia hangs behind it."""
@@ -64,7 +65,7 @@ POWER = replace(
     ),
     equation=r"F = K\,x\,|2x/b|^{n-1},\ x = \delta - \mathrm{clip}(\delta, \pm b/2),\ \delta = q - q_l",
     source="Hunt and Crossley 1975",
-    excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side"),
+    excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side", BY_THE_LINK),
     includes=("backlash",),
     neutral=(1.0,),
     after=("backlash",),

@@ -11,6 +11,7 @@ import math
 from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter, geometric, grid
+from methods.effects.load_dependent_friction import BY_THE_LINK
 
 
 def starts(s):
@@ -50,9 +51,9 @@ LOAD_SIDE = replace(
         replace(EFFECT.parameters[2], upper=0.2),  # beyond that it is a low-pass of the sensor, no spring
     ),
     amplitudes=(),
-    excludes=("joint_flexibility", "backlash", "backlash_load_side"),
+    excludes=("joint_flexibility", "backlash", "backlash_load_side", BY_THE_LINK),
     starts=lambda s: [values for values in starts(s) if values[0] == 0.5],
 )
 """The same with the encoder behind the spring, which sees the spring even where no inertia hangs behind it."""
-EFFECT = replace(EFFECT, excludes=("joint_flexibility_load_side", "backlash", "backlash_load_side"))
+EFFECT = replace(EFFECT, excludes=("joint_flexibility_load_side", "backlash", "backlash_load_side", BY_THE_LINK))
 EFFECTS = (EFFECT, LOAD_SIDE)

@@ -12,6 +12,7 @@ from dataclasses import replace
 from methods.effects.base import Effect, EffectParameter
 from methods.effects.coulomb_friction import ROUNDING, WIDTHS, turns_slowly
 
+BY_THE_LINK = "link_load_dependent_friction"
 PLAYS = ("backlash", "backlash_load_side", "backlash_power")
 
 
@@ -52,7 +53,7 @@ ROUNDED = replace(
 )
 LINK = replace(
     EFFECT,
-    name="link_load_dependent_friction",
+    name=BY_THE_LINK,
     kind="load_dependent_friction",
     parameters=(
         *EFFECT.parameters,

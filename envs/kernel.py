@@ -179,10 +179,10 @@ def _moved(state, step, slope):
 
 
 @numba.njit(**_OPTIONS)
-def _mean(first, second, third, fourth):
-    """RK4's mean slope (k1 + 2 k2 + 2 k3 + k4) / 6 for tuples of four."""
+def _advanced(state, step, first, second, third, fourth):
+    """RK4's state + step (k1 + 2 k2 + 2 k3 + k4) / 6 for tuples of four."""
     total = _moved(_moved(first, 1.0, fourth), 2.0, _moved(second, 1.0, third))
-    return total[0] / 6.0, total[1] / 6.0, total[2] / 6.0, total[3] / 6.0
+    return _moved(state, step * (1.0 / 6.0), total)
 
 
 @numba.njit(**_OPTIONS)
@@ -192,8 +192,8 @@ def _turned(sine, cosine, angle):
         small_sine, small_cosine = math.sin(angle), math.cos(angle)
     else:
         square = angle * angle
-        small_sine = angle * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))
-        small_cosine = 1.0 - 0.5 * square * (1.0 - square / 12.0 * (1.0 - square / 30.0))
+        small_sine = angle + angle * square * (square * (1.0 / 120.0 - square * (1.0 / 5040.0)) - 1.0 / 6.0)
+        small_cosine = 1.0 + square * (square * (1.0 / 24.0 - square * (1.0 / 720.0)) - 0.5)
     return sine * small_cosine + cosine * small_sine, cosine * small_cosine - sine * small_sine
 
 
@@ -218,9 +218,9 @@ def _slopes(row, sine, cosine, speed, current, output):
     torque_3, slope_3 = _motor(row, 2, output[2], current[2], speed[2])
     torque_4, slope_4 = _motor(row, 3, output[3], current[3], speed[3])
     bias_1, bias_2 = _planar_bias(sine, speed[0], speed[1], p3)
-    net_1 = torque_1 + based * torque_2 - row[at_1 + 2] * speed[0] - bias_1
-    net_2 = torque_2 - row[at_2 + 2] * speed[1] - bias_2
-    net_3 = torque_3 - row[at_3 + 2] * speed[2] + row[4]
+    net_1 = torque_1 + (based * torque_2 - (row[at_1 + 2] * speed[0] + bias_1))
+    net_2 = torque_2 - (row[at_2 + 2] * speed[1] + bias_2)
+    net_3 = torque_3 - (row[at_3 + 2] * speed[2] - row[4])
     net_4 = torque_4 - row[at_4 + 2] * speed[3]
 
     # Joint 4 is eliminated first; a held joint's rows and columns vanish.
@@ -230,8 +230,8 @@ def _slopes(row, sine, cosine, speed, current, output):
     m12 = (m12 - share * yaw) * free_1 * free_2
     net_1, net_2 = net_1 - share * net_4, net_2 - share * net_4
     inverse = 1.0 / (m11 * m22 - m12 * m12)
-    acceleration_1 = free_1 * inverse * (m22 * net_1 - m12 * net_2)
-    acceleration_2 = free_2 * inverse * (m11 * net_2 - m12 * net_1)
+    acceleration_1 = (free_1 * inverse * m22) * net_1 - (free_1 * inverse * m12) * net_2
+    acceleration_2 = (free_2 * inverse * m11) * net_2 - (free_2 * inverse * m12) * net_1
     acceleration_3 = free_3 * row[6] * net_3
     acceleration_4 = free_4 * row[7] * (net_4 - yaw * (acceleration_1 + acceleration_2))
     accelerations = (acceleration_1, acceleration_2, acceleration_3, acceleration_4)
@@ -254,9 +254,9 @@ def _step(row, position, speed, current, output, step):
     speed_4 = _moved(speed, step, a3)
     a4, d4 = _slopes(row, sine_4, cosine_4, speed_4, _moved(current, step, d3), output)
     return (
-        _moved(position, step, _mean(speed, speed_2, speed_3, speed_4)),
-        _moved(speed, step, _mean(a1, a2, a3, a4)),
-        _moved(current, step, _mean(d1, d2, d3, d4)),
+        _advanced(position, step, speed, speed_2, speed_3, speed_4),
+        _advanced(speed, step, a1, a2, a3, a4),
+        _advanced(current, step, d1, d2, d3, d4),
     )
 
 

@@ -104,11 +104,13 @@ def test_a_coupling_outside_the_equations_is_refused():
         simulate(strange, commands(), 1e-3)
 
 
-def test_the_kernel_is_at_least_fifty_times_as_fast_as_mujoco_rollout():
-    """The best of three tries: what else runs on the machine can only lower the ratio of one."""
-    ratios = []
-    for _ in range(3):
-        ratios.append(measure_speed(adeptone(), steps=200, repeats=5).ratio)
-        if ratios[-1] >= 50.0:
-            return
-    pytest.fail(f"ratios {ratios}")
+def test_the_kernel_is_an_order_of_magnitude_faster_than_mujoco_rollout():
+    """It is about fifty times as fast on an idle machine: see `benchmarks.kernel_speed`. What else runs here lowers the
+    ratio of one try, but interpreted code would be slower than MuJoCo."""
+    assert max(measure_speed(adeptone(), steps=200, repeats=5).ratio for _ in range(3)) > 10.0
+
+
+@pytest.mark.slow
+def test_the_kernel_is_fifty_times_as_fast_as_mujoco_rollout_on_an_idle_machine():
+    ratios = [measure_speed(adeptone(), repeats=20).ratio for _ in range(5)]
+    assert max(ratios) >= 50.0, ratios

@@ -185,6 +185,12 @@ def is_foreign_to_motion(effect: Effect) -> bool:
     return effect.scan == "event" or effect.has_neighbour
 
 
+def tells_no_amplifier(effect: Effect, other: Effect) -> bool:
+    """Whether an effect is of what is read, and the other one of the amplifier: no law of the latter errs by where a
+    disc is."""
+    return effect.slot == "sensor" and other.stage == "amplifier"
+
+
 def least_beside(
     effect: Effect, joint: int, evidence: float, accepted: Sequence[Accepted], settings: Settings
 ) -> float:
@@ -199,8 +205,7 @@ def least_beside(
     beside = [item.effect for item in accepted if item.joint == joint]
     is_weak = evidence <= settings.weak
     own = None if is_weak else DRIVEN_BY.get(effect.variable)
-    reads = effect.slot == "sensor"
-    others = ["motor" if reads and other.stage == "amplifier" else DRIVEN_BY.get(other.variable) for other in beside]
+    others = ["motor" if tells_no_amplifier(effect, other) else DRIVEN_BY.get(other.variable) for other in beside]
     if not any(own is None or other is None or own == other for other in others):
         return settings.material if accepted else settings.faint
     doubtful = any(other.scatters or (is_weak and other.variable == effect.variable) for other in beside)

@@ -10,7 +10,7 @@ import numpy as np
 
 from diagnosis.arm_damping import undivided
 from diagnosis.beginning import started
-from diagnosis.choice import materiality
+from diagnosis.choice import materiality, tells_no_amplifier
 from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import proposals, sizes_of, withdraw
@@ -226,7 +226,7 @@ def general(
     inexact, any law that shapes the fitted motion a little finds some. So does one beside torques of the rest of an
     arm, which are as inexact as the measured motion: it also has to bring free simulations closer, unless without it a
     stated number would be wrong beyond what it costs. What it gains has to be of the motion, too, and more than a trace
-    of the nominal model's errors.
+    of the nominal model's errors, unless no law beside it could be inexact by that.
     """
     explained = nominal.criterion - base.criterion
     small = settings.doubtful * explained
@@ -243,6 +243,7 @@ def general(
         if is_sure and loss > small:
             continue
         there, less = elsewhere(held_out, base), elsewhere(held_out, smaller)
+        others = [other.effect for other in accepted if other is not item]
         shows = (
             loss > item.scored.price
             and (not is_weak or happens(held_out, there.point, item.effect, item.joint))
@@ -257,6 +258,7 @@ def general(
                 len(accepted) < 2
                 or item.effect.scan == "event"
                 or loss > settings.unexplained * explained
+                or (not is_weak and all(tells_no_amplifier(item.effect, other) for other in others))
                 or moved_by(held_out, before(), there, less) > settings.trace
             )
         )

@@ -45,7 +45,7 @@ from diagnosis.other_bases import (
     settled_anew,
 )
 from diagnosis.problem import KnownTorques, Problem, Work, coarser, evenly, in_band, stack
-from diagnosis.pruning import general, merged, merged_afterwards, prune, unified
+from diagnosis.pruning import astray, elsewhere, general, merged, merged_afterwards, moved_by, prune, unified
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, remainders, shows_blows
 from diagnosis.replay import WINDOW, imitated_floor, noise_floor, replay, rms, transfer
@@ -1807,8 +1807,8 @@ def test_a_weak_effect_has_to_show_where_nobody_fitted() -> None:
 
     drag = lambda size: {"quadratic_drag": {"coefficient": size}}  # noqa: E731
     problem = stack(KERNEL, [record(drag(WEAK), noise(seed)) for seed in (1, 2)], (1,))
-    for elsewhere, verdict in ((WEAK, "named"), (-WEAK, "none")):
-        held_out = stack(KERNEL, [record(drag(elsewhere), noise(3))], (1,))
+    for other, verdict in ((WEAK, "named"), (-WEAK, "none")):
+        held_out = stack(KERNEL, [record(drag(other), noise(3))], (1,))
         finding = find(problem, (JointStructure(),), (NAMED["quadratic_drag"],), held_out=held_out)
         assert finding.verdict == verdict
 
@@ -1869,8 +1869,8 @@ def test_a_small_effect_beside_a_large_one_has_to_show_where_nobody_fitted() -> 
     large = accepted(problem, nominal, "coulomb_friction", [0.3])
     small = accepted(problem, large.scored.fitted, "quadratic_drag", [WEAK])
     assert small.scored.evidence > 2.0 * Settings().weak
-    for elsewhere, kept in ((WEAK, [large, small]), (-WEAK, [large])):
-        held_out = stack(KERNEL, [record(effects(elsewhere), noise(3))], (1,))
+    for other, kept in ((WEAK, [large, small]), (-WEAK, [large])):
+        held_out = stack(KERNEL, [record(effects(other), noise(3))], (1,))
         found = general(problem, held_out, nominal, [large, small], small.scored.fitted, Settings())[0]
         assert found == kept
     no_small = replace(Settings(), doubtful=0.0)
@@ -1892,6 +1892,21 @@ def test_a_trace_of_an_effect_beside_a_large_one_is_put_down_to_its_law(drag: fl
     settings = replace(Settings(), doubtful=1.0, unexplained=share)
     found = general(problem, held_out, nominal, [large, small], small.scored.fitted, settings)[0]
     assert found == ([large, small] if kept else [large])
+
+
+def test_a_trace_of_an_eccentric_disc_is_told_beside_a_lag() -> None:
+    """No law of the amplifier errs by where the disc is, however little that is beside what the lag does."""
+    wave, lag = {"encoder_eccentricity": {"sine": 6e-4, "cosine": 0.0}}, {"amplifier_lag": {"time_constant": 0.03}}
+    noise = lambda seed: 1e-5 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    problem, held_out = (stack(KERNEL, [record(wave | lag, noise(seed))], (1,)) for seed in (1, 2))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    large = accepted(problem, nominal, "amplifier_lag", [0.03])
+    small = accepted(problem, large.scored.fitted, "encoder_eccentricity", [6e-4, 0.0])
+    base = in_turns(problem, small.scored.fitted)
+    before = astray(held_out, elsewhere(held_out, nominal))
+    there, less = (elsewhere(held_out, fitted) for fitted in (base, large.scored.fitted))
+    assert moved_by(held_out, before, there, less) < Settings().trace
+    assert general(problem, held_out, nominal, [large, small], base, Settings())[0] == [large, small]
 
 
 def test_an_effect_that_it_has_gets_other_values() -> None:

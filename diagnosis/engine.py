@@ -97,6 +97,8 @@ JITTER = "timestamp_jitter"
 """The effect that shows in the scatter of the readings only."""
 FORKS = 2
 """Other ways that are tried."""
+REFINED = 0.25
+"""Budgets of simulations that laws may be exchanged for where no more is left than noise and inexact laws leave."""
 END = 2.0
 """Budgets of simulations after which a search seeks no further effects."""
 FORESEEN = 50.0
@@ -314,6 +316,11 @@ Way = Callable[[Path, Accepted], Path | None]
 """From a path and one of its effects to another path that does better, if there is one."""
 
 
+def has_play(path: Path) -> bool:
+    """Whether small causes grow in the motion of a path's model."""
+    return any(item.effect.scatters for item in path.accepted)
+
+
 def of_one_law(one: Accepted, other: Accepted) -> bool:
     """Whether two effects are forms of one law on one joint."""
     return (one.label, one.joint) == (other.label, other.joint)
@@ -389,7 +396,7 @@ class Search:
                 ranked = also_by_own_steps(problem, path.base, candidates, ranked)
             if not path.accepted:
                 ranked = also_from_regression(problem, self.structures, path.base, candidates, ranked)
-            if ranked and ranked[0].effect.scatters:
+            if ranked and ranked[0].effect.scatters and not has_play(path):
                 ranked = either(ranked, plays(problem, path.base, candidates))
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
@@ -522,23 +529,31 @@ class Search:
             optima=own(optima) or own(path.optima),
         )
 
-    def exchanged(self, path: Path) -> Path:
+    def exchanged(self, path: Path, most: float | None = None) -> Path:
         """The path with other laws in the place of its effects, where these do better beside all others, and continued
         from there.
 
         What stands beside an effect now may have been missing when it was taken, and a near equal have come second only
         for that. Where something is left, any law may have been what the effect stands in for.
+
+        most: budgets after which laws are no longer exchanged where what is left may be noise, `REFINED` from here on
+        unless given.
         """
+        most = self.taken + REFINED if most is None else most
         cheap: list[Way] = [self.with_second, self.with_nothing, self.with_plainer]
         dear: list[Way] = [partial(self.with_another_law, any_law=any_law) for any_law in (False, True)]
         for way in cheap + dear:
             for item in path.accepted:
-                if self.is_over if way in cheap else self.is_spent or not self.asks(path):
+                if self.is_over if way in cheap else not self.asks(path) or self.taken > self.enough(path, most):
                     return path
                 other = way(path, item)
                 if other is not None:
-                    return self.exchanged(other)
+                    return self.exchanged(other, most)
         return path
+
+    def enough(self, path: Path, most: float) -> float:
+        """Budgets after which no other laws are tried: one where more is left than noise and inexact laws leave."""
+        return 1.0 if self.incomplete(path) else min(most, 1.0)
 
     def with_nothing(self, path: Path, item: Accepted) -> Path | None:
         """The path without an effect, the others fitted as far as they go; None if that costs more.
@@ -621,7 +636,10 @@ class Search:
 
     def with_another_law(self, path: Path, item: Accepted, *, any_law: bool) -> Path | None:
         """The path with another law in the place of an effect: any, or one of its near equals; None if none does
-        better."""
+        better.
+
+        Not one that contains it where little is left: such a law was tried from there when the path was grown.
+        """
         problem, settings = self.problem, self.settings
         others = tuple(other for other in path.accepted if other is not item)
         near = {name for label, joint, name in path.equals if (label, joint) == (item.label, item.joint)}
@@ -630,6 +648,7 @@ class Search:
             (effect, joint)
             for effect, joint in self.candidates(shortened(path, others, path.base), is_full=False)
             if joint == item.joint and (effect.label in near or (any_law and effect.name != item.name))
+            if self.incomplete(path) or item.name not in effect.includes
         ]
         if not rivals:
             return None
@@ -685,9 +704,8 @@ class Search:
         Few of its starting values come close to the motion, and what other laws imitate of it is found first. It is
         begun by itself and beside the friction of the path: friction holds an arm in its play, which drifts without.
         """
-        has_play = any(item.effect.scatters for item in path.accepted)
         asks = self.incomplete(path) or is_foreseen(self.problem, path.base)
-        if has_play or not asks or self.is_over:
+        if has_play(path) or not asks or self.is_over:
             return path
         self.tell("a play, begun from everywhere")
         best, rubbing = path, tuple(item for item in path.accepted if acts_on_either_side(item.effect))

@@ -1,5 +1,6 @@
 """The search for missing effects: forms of laws, the unfiltered view, what becomes free, what is put together."""
 
+from collections import Counter
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -27,7 +28,7 @@ from diagnosis.choice import (
     textbook,
 )
 from diagnosis.competition import confirmed, in_other_terms, other_forms, other_laws, simpler_rivals
-from diagnosis.engine import Fork, Path, Search, carried_over, find, is_foreseen, quiet, with_jitter
+from diagnosis.engine import Fork, Path, Search, carried_over, find, has_play, is_foreseen, quiet, with_jitter
 from diagnosis.estimation import Fitted, errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.finding import Accepted, Finding, near_equals, stood_for
 from diagnosis.first_fits import nearest, retuned
@@ -705,7 +706,8 @@ def test_a_near_equal_takes_the_place_of_an_effect_where_it_does_better() -> Non
         item = accepted(problem, nominal, name, values)
         then = replace(item.scored, decrease=100.0 + item.scored.price)  # beside what is there no longer
         item = replace(item, scored=then, considered=(Ranked(second, 0, 100.0 * share, 0.0),))
-        path = Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,), equals=near_equals(item))
+        left = remainders(problem, item.scored.fitted)
+        path = Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,), left, equals=near_equals(item))
         return [item.label for item in (search.with_another_law(path, item, any_law=False) or path).accepted]
 
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.95) == ["coulomb_friction"]
@@ -871,6 +873,55 @@ def test_a_play_is_begun_from_everywhere_only_where_something_is_left_or_taken_f
     assert [base.point.switches.sum() for base in bases] == ([0, 1] if begun else [])
     found.clear()
     assert search.with_play(path) is path
+
+
+def test_a_play_is_begun_from_everywhere_where_it_comes_first_but_not_beside_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    search = Search(problem, (JointStructure(),), [NAMED["coulomb_friction"]], Settings(), nominal, lambda text: None)
+    begun: list[Fitted] = []
+    monkeypatch.setattr("diagnosis.engine.try_all", lambda *given, **named: [scored("backlash", 100.0)])
+    monkeypatch.setattr("diagnosis.engine.plays", lambda problem, base, *given: begun.append(base) or [])
+    monkeypatch.setattr("diagnosis.engine.coincides", lambda *given: True)
+    monkeypatch.setattr("diagnosis.engine.stuck", lambda *given: [])
+    monkeypatch.setattr("diagnosis.engine.also_from_regression", lambda *given: given[-1])
+    search.grown(search.start)
+    assert begun == [nominal]
+    values = list(NAMED["backlash"].starts(sizes_of(problem, nominal)[0])[0])
+    play = accepted(problem, nominal, "backlash", values)
+    assert has_play(Path(play.scored.fitted, (play,), frozenset(), (nominal,)))
+    search.grown(Path(play.scored.fitted, (play,), frozenset({("backlash", 0)}), (nominal,)))
+    assert begun == [nominal]
+
+
+def test_laws_are_exchanged_for_a_while_only_where_little_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And not for one that contains them, which was tried beside the path as it is."""
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    few = [NAMED[name] for name in ("coulomb_friction", "stribeck_friction", "quadratic_drag", "cable_spring")]
+    search = Search(problem, (JointStructure(),), few, Settings(), nominal, lambda text: None)
+    friction = accepted(problem, nominal, "coulomb_friction", [0.2])
+    spring = accepted(problem, friction.scored.fitted, "cable_spring", [1e-3, 1e-3])
+    items = friction, spring
+    left = (Remainder((), 1000.0, 10, 0.0, 0.0, 0.0),)
+    path = Path(spring.scored.fitted, items, frozenset((i.name, 0) for i in items), (nominal,), left)
+    tried: list[str] = []
+    monkeypatch.setattr(Search, "with_nothing", lambda self, path, item: None)
+    monkeypatch.setattr(
+        "diagnosis.engine.try_all", lambda p, base, effects, **named: tried.extend(e.name for e, _ in effects) or []
+    )
+    for is_much, share, begun in (
+        (False, -1.0, {}),
+        (False, 0.25, {"quadratic_drag": 2, "stribeck_friction": 1}),  # in the place of friction, and of the spring
+        (True, -1.0, {"quadratic_drag": 2, "stribeck_friction": 2}),
+    ):
+        monkeypatch.setattr("diagnosis.engine.REFINED", share)
+        monkeypatch.setattr(Search, "incomplete", lambda self, path, is_much=is_much: is_much)
+        tried.clear()
+        search.exchanged(path)
+        assert Counter(tried) == begun
 
 
 @pytest.mark.slow

@@ -636,10 +636,7 @@ class Search:
 
     def with_another_law(self, path: Path, item: Accepted, *, any_law: bool) -> Path | None:
         """The path with another law in the place of an effect: any, or one of its near equals; None if none does
-        better.
-
-        Not one that contains it where little is left: such a law was tried from there when the path was grown.
-        """
+        better."""
         problem, settings = self.problem, self.settings
         others = tuple(other for other in path.accepted if other is not item)
         near = {name for label, joint, name in path.equals if (label, joint) == (item.label, item.joint)}
@@ -648,7 +645,6 @@ class Search:
             (effect, joint)
             for effect, joint in self.candidates(shortened(path, others, path.base), is_full=False)
             if joint == item.joint and (effect.label in near or (any_law and effect.name != item.name))
-            if self.incomplete(path) or item.name not in effect.includes
         ]
         if not rivals:
             return None

@@ -897,7 +897,7 @@ def test_a_play_is_begun_from_everywhere_where_it_comes_first_but_not_beside_ano
 
 
 def test_laws_are_exchanged_for_a_while_only_where_little_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And not for one that contains them, which was tried beside the path as it is."""
+    """Where more is left, as long as the budget lasts."""
     problem = problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000))
     nominal = fit_nominal(problem, (JointStructure(),))
     few = [NAMED[name] for name in ("coulomb_friction", "stribeck_friction", "quadratic_drag", "cable_spring")]
@@ -914,7 +914,7 @@ def test_laws_are_exchanged_for_a_while_only_where_little_is_left(monkeypatch: p
     )
     for is_much, share, begun in (
         (False, -1.0, {}),
-        (False, 0.25, {"quadratic_drag": 2, "stribeck_friction": 1}),  # in the place of friction, and of the spring
+        (False, 0.25, {"quadratic_drag": 2, "stribeck_friction": 2}),  # in the place of friction, and of the spring
         (True, -1.0, {"quadratic_drag": 2, "stribeck_friction": 2}),
     ):
         monkeypatch.setattr("diagnosis.engine.REFINED", share)

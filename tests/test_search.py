@@ -706,8 +706,7 @@ def test_a_near_equal_takes_the_place_of_an_effect_where_it_does_better() -> Non
         item = accepted(problem, nominal, name, values)
         then = replace(item.scored, decrease=100.0 + item.scored.price)  # beside what is there no longer
         item = replace(item, scored=then, considered=(Ranked(second, 0, 100.0 * share, 0.0),))
-        left = remainders(problem, item.scored.fitted)
-        path = Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,), left, equals=near_equals(item))
+        path = Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,), equals=near_equals(item))
         return [item.label for item in (search.with_another_law(path, item, any_law=False) or path).accepted]
 
     assert names("quadratic_drag", [0.01], "coulomb_friction", 0.95) == ["coulomb_friction"]

@@ -8,7 +8,8 @@ innovations is then
 where h is what an error of one reading makes of the prediction errors: the model follows the readings with a leak l,
 so that ``h = 1, -l dt, -l dt (1 - l dt), ...``. ``g^2 *`` is a convolution with the squared coefficients of both (that
 is near 1 where readings are all that is noisy), a stands for noise that does not depend on the motion and m_k for the
-rounding of the encoder, which scatters only while the joint moves by more than a step per sample. Gaussian likelihoods
+rounding of the encoder, which scatters only while the joint moves by more than a step per sample. Each log has an a and
+a c of its own: a noisy log in which the joint moves faster than in a quiet one shows no jitter. Gaussian likelihoods
 with and without V decide, and, where the scatter has longer tails than a Gaussian, how far rms^2 stands out of its
 robust (sandwich) deviation. Scatter that follows the acceleration or the torque at least as well is not called jitter.
 """
@@ -50,7 +51,8 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     acceleration = np.diff(velocity, prepend=velocity[:1])
     moving = np.minimum(np.abs(velocity) * problem.sample_time / max(problem.encoder_step, 1e-300), 1.0)
     response = reading_response(problem, fitted, joint)
-    plain = [np.ones(len(rows)), _scatter(moving, response)[rows]]
+    own = np.searchsorted(problem.bounds[1:], rows, side="right") == np.arange(problem.logs)[:, None]
+    plain = [*own.astype(float), *(own * _scatter(moving, response)[rows])]
     signals = (("velocity", velocity), ("acceleration", acceleration), ("torque", torque))
     laws = {name: np.stack([*plain, _scatter(signal**2, response)[rows]]) for name, signal in signals}
     laws["nothing"] = np.stack(plain)

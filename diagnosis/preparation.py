@@ -11,7 +11,7 @@ import numpy as np
 
 from diagnosis.nominal import Gravity, JointStructure
 from diagnosis.planar_arm import is_planar_arm, planar_pair
-from envs.compatibility import check_apart, check_together, with_robot
+from envs.compatibility import check_apart, check_together, other_inertia, with_robot
 from envs.log import Array, Log, LogError
 from envs.log_files import load_with_findings
 from envs.robot import Robot, RobotError
@@ -221,7 +221,10 @@ def others(logs: Sequence[Log], joints: tuple[int, ...]) -> dict[int, tuple[floa
 
 
 def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:
-    """What is known of a joint before any fit: the log says what the command is, the robot the rest."""
+    """What is known of a joint before any fit: the log says what the command is, the robot the rest.
+
+    Of a robot whose inertia the motion contradicts only what kind of joint it is counts as known, and no number.
+    """
     kind = log.facts[log.index(joint)].input
     if robot is None:
         return JointStructure(input=kind, electrical=kind == "voltage")
@@ -231,10 +234,16 @@ def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:
     viscous = drive.viscous.value
     total = viscous + back_emf
     lag = drive.inductance.value / drive.resistance.value if amplified else 0.0
-    return JointStructure(
+    known = JointStructure(
         input=drive.amplifier,
         electrical=amplified and lag > 0.0,
         gravity=gravity_kind(robot, joint, pose(log, robot)),
+    )
+    contradicted, _ = other_inertia(log, robot) or (None, 1.0)
+    if joint == contradicted:
+        return known
+    return replace(
+        known,
         viscous_share=viscous / total if total > 0.0 else 0.0,
         electrical_time_constant=lag or None,
         inertia=drive.input_equivalent * float(robot.inertia_matrix(pose(log, robot))[joint - 1, joint - 1]),

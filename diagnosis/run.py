@@ -84,6 +84,8 @@ PLOTTED = 4000
 """Samples of a signal that are kept for plots."""
 SHOWN_LOGS = 5
 """Fitted logs whose signals are kept for plots."""
+DATED = 0.1
+"""Share of a log's length below which the deviation of an event's instant has to be."""
 OTHER_SCALE, ALIKE = 4.0, 2.0
 """Factor between all found and stated parameters that speaks of another scale, and how far they may differ in it."""
 LINES = 15.0
@@ -437,6 +439,13 @@ def is_determined(effect: NamedEffect) -> bool:
     return len(effect.parameters) < 2 or any(known)
 
 
+def is_dated(event: NamedEffect, longest: float) -> bool:
+    """Whether the logs, the longest of which takes so many seconds, tell when an event was: one at no certain instant
+    stands for something that goes on all the time."""
+    (instant,) = (p.physical for p in event.parameters if p.name == "time")
+    return instant.std < DATED * longest
+
+
 REST_OF_THE_ARM = (
     "what the motion of the other joints does is taken from the description and the measured motion; the extended "
     "model and its MJCF leave it out"
@@ -595,7 +604,12 @@ def joint_result(
     given = next((step.point for step in solved.ledger if step.role == "as given"), None)
     numbers = {} if given is None else dict(zip(NOMINAL[:7], given.parameters[0, j, :7].tolist(), strict=True))
     numbers["damping"] = sum(numbers.get(name, 0.0) for name in DAMPING)
-    named = tuple(named_effect(solved, item, spread, joint, units) for item in finding.accepted if item.joint == j)
+    items = [item for item in finding.accepted if item.joint == j]
+    named = tuple(named_effect(solved, item, spread, joint, units) for item in items)
+    are_known = all(
+        is_determined(effect) and (item.effect.scan != "event" or is_dated(effect, solved.problem.longest))
+        for item, effect in zip(items, named, strict=True)
+    )
     left = finding.remainders[j]
     said = solved.verdict if len(solved.joints) == 1 or solved.verdict == "unknown" or named else "none"
     visible, confusable = isolability(solved.problem, finding, j, joint, applying(effects, solved.structures), settings)
@@ -606,7 +620,7 @@ def joint_result(
         position_unit=units.position,
         torque_unit=units.torque,
         input_equivalent=units.per_torque,
-        verdict=said if all(map(is_determined, named)) else "unknown",
+        verdict=said if are_known else "unknown",
         effects=named,
         nominal=nominal_parameters(
             finding.nominal, finding.final, (covariance(finding.nominal), spread), j, units, numbers if given else {}

@@ -104,9 +104,21 @@ def range_findings(log: Log, robot: Robot, joint: int) -> Iterator[Finding]:
 
 def inertia_findings(log: Log, robot: Robot) -> Iterator[Finding]:
     """Whether the motion needs about the inertia that the robot has; only for a joint that moves alone."""
+    found = other_inertia(log, robot)
+    if found is not None:
+        joint, ratio = found
+        yield Finding(
+            "other_inertia",
+            f"joint {joint} moves as if it had {ratio:.2g} times the inertia that {robot.name} describes: wrong gear "
+            "ratio, unit or robot? Its numbers are not taken for known",
+        )
+
+
+def other_inertia(log: Log, robot: Robot) -> tuple[int, float] | None:
+    """The joint that moves alone and its inertia as a multiple of the described one, where that is far from 1."""
     known = lone_inertia(log)
     if known is None:
-        return
+        return None
     joint, physics = known
     at = np.array([0.5 * (item.lower.value + item.upper.value) for item in robot.joints])
     at[~np.isfinite(at)] = 0.0
@@ -115,12 +127,7 @@ def inertia_findings(log: Log, robot: Robot) -> Iterator[Finding]:
     described = float(robot.inertia_matrix(at)[joint - 1, joint - 1]) * robot.input_equivalent(joint)
     assert physics.inertia is not None
     ratio = physics.inertia / described
-    if not 1.0 / OTHER_INERTIA < ratio < OTHER_INERTIA:
-        yield Finding(
-            "other_inertia",
-            f"joint {joint} moves as if it had {ratio:.2g} times the inertia that {robot.name} describes: wrong gear "
-            "ratio, unit or robot?",
-        )
+    return None if 1.0 / OTHER_INERTIA < ratio < OTHER_INERTIA else (joint, ratio)
 
 
 def lone_inertia(log: Log) -> tuple[int, Rough] | None:

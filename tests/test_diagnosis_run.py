@@ -55,6 +55,7 @@ from diagnosis.run import (
     arm_said,
     check_turns,
     diagnose,
+    is_dated,
     is_determined,
     joint_title,
     louder_said,
@@ -350,6 +351,8 @@ def test_what_the_robot_says_of_a_joint() -> None:
     assert numbers["back_emf"] == pytest.approx(drive.torque_constant / drive.amplifier_gain.value)
     unknown = structure(log, 1, None)
     assert (unknown.gravity, unknown.torque_limit) == ("none", 0.0)
+    # ten times the inertia: of this robot no number is known
+    assert structure(replace(log, position=0.1 * log.position), 1, robot) == replace(unknown, gravity="none")
 
 
 # ---------------------------------------------------------------------------------------------------------------- gain
@@ -1050,6 +1053,19 @@ def test_an_effect_of_which_no_parameter_is_known_is_not_determined() -> None:
     assert is_determined(flexible(80.0, 70.0, 1.0))
     assert not is_determined(flexible(80.0, 70.0, 100.0))
     assert is_determined(flexible(80.0))
+
+
+def test_an_event_that_may_have_been_at_any_time_is_not_named() -> None:
+    """What dry friction leaves on a slide was once called a collision at 5 +- 5 s of 6."""
+
+    def collision(deviation: float) -> NamedEffect:
+        own = {"torque": Estimate(2.7, 1.0, "N"), "time": Estimate(4.7, deviation, "s")}
+        parameters = tuple(ParameterEstimate(name, found, found) for name, found in own.items())
+        return NamedEffect("collision", 1, "arm", "", "time", parameters, Evidence(0.0, 0.0, 0.0), ())
+
+    assert is_determined(collision(5.2))
+    assert not is_dated(collision(5.2), 6.0)
+    assert is_dated(collision(0.1), 6.0)
 
 
 def test_what_a_turn_is_has_to_be_known_where_the_answer_depends_on_it() -> None:

@@ -1593,6 +1593,19 @@ def test_jitter_shows_in_continuous_readings_behind_dry_friction() -> None:
     assert min(found.decrease, far_out.decrease) > 1000.0
 
 
+def test_a_noisy_log_of_a_fast_motion_beside_a_quiet_one_shows_no_jitter() -> None:
+    log, rng = record({}), np.random.default_rng(7)
+    noise = [size * rng.standard_normal((len(log), 1)) for size in (1e-5, 2e-4)]
+    facts = (replace(log.facts[0], encoder_step=None),)
+    logs = [
+        replace(log, command=times * log.command, position=times * log.position + own, facts=facts)
+        for times, own in zip((1.0, 4.0), noise, strict=True)
+    ]
+    problem = stack(KERNEL, logs, (1,))
+    found = jitter(problem, fit_nominal(problem, (JointStructure(),)), 0)
+    assert found is None or found.decrease < 12.0
+
+
 def test_a_disc_far_off_its_centre_is_eccentric_still() -> None:
     """A magnet on a small shaft may sit a third of its radius away from the centre."""
     problem = problem_of(

@@ -188,6 +188,11 @@ class Problem:
         return self._smoothed(0.03)[1]
 
     @cached_property
+    def acceleration(self) -> Array:
+        """Smoothed acceleration of the readings (T, n)."""
+        return self._smoothed(0.03)[2]
+
+    @cached_property
     def position(self) -> Array:
         """Smoothed readings (T, n)."""
         return self._smoothed(0.01)[0]
@@ -541,4 +546,5 @@ def scales(problem: Problem, nominal: Array, torque: Array, joint: int) -> Scale
         revolute=problem.revolute,
         joints=2 if problem.pair or len(problem.neighbour) else 1,
         coupled=problem.pair,
+        acceleration_rms=rms(problem.acceleration[:, joint]),
     )

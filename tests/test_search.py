@@ -45,7 +45,7 @@ from diagnosis.other_bases import (
     on_either_joint,
     settled_anew,
 )
-from diagnosis.problem import KnownTorques, Problem, Work, coarser, evenly, in_band, stack
+from diagnosis.problem import KnownTorques, Problem, Work, coarser, evenly, in_band, scales, stack
 from diagnosis.pruning import astray, elsewhere, general, merged, merged_afterwards, moved_by, prune, unified
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, remainders, shows_blows
@@ -1840,6 +1840,18 @@ def test_bristles_that_bend_as_far_as_the_joint_goes_are_no_friction(
         position_span=1.0, velocity_peak=1.0, velocity_rms=0.3, encoder_step=1e-5, sample_time=1e-3
     )
     assert NAMED[name].resolved(values, scales) is seen
+
+
+def test_whether_friction_turns_slowly_is_a_matter_of_the_acceleration() -> None:
+    """Not of the motor torque, nearly all of which may carry a weight."""
+    problem = problem_of({})
+    point = fit_nominal(problem, (JointStructure(),)).point.parameters[0, 0]
+    light, heavy = (scales(problem, point, problem.command[:, 0] + load, 0) for load in (0.0, 100.0))
+    assert heavy.acceleration_rms == light.acceleration_rms
+    assert heavy.torque_rms > 10.0 * light.torque_rms
+    least = 0.03 * light.acceleration_rms * DT
+    for rounding, seen in ((1.1 * least, True), (0.9 * least, False)):
+        assert NAMED["rounded_coulomb_friction"].resolved([0.3, rounding], heavy) is seen
 
 
 def test_an_effect_at_the_end_of_its_range_stands_in_for_another_one() -> None:

@@ -75,6 +75,7 @@ class Scales:
     Everything is measured on the logs (nothing is tuned to a machine): command rms and peak, motor torque rms and peak
     [command unit]; position span, velocity rms and peak; nominal inertia and rate constants; duration and sample time.
     joints: 2 where the logs tell of another one; coupled: whether both are simulated together as a planar pair.
+    acceleration_rms: less than what the motor torque gives the inertia where others (a weight, an arm) take part of it.
     """
 
     command_rms: float
@@ -93,6 +94,7 @@ class Scales:
     revolute: bool = True
     joints: int = 1
     coupled: bool = False
+    acceleration_rms: float = math.inf
 
 
 MOTOR_TORQUE = {"command": 4, "torque": 3, "friction": 3}

@@ -40,7 +40,7 @@ WIDTHS = (0.01, 0.03, 0.1, 0.3)
 
 def turns_slowly(rounding, s):
     """Whether friction of this rounding [rad/s, m/s] takes so long to turn that logs of scales `s` can show it."""
-    return rounding > QUICK * s.torque_rms / s.inertia * s.sample_time
+    return rounding > QUICK * min(s.torque_rms / s.inertia, s.acceleration_rms) * s.sample_time
 
 
 def rounded(t, q, dq, w, x, p):

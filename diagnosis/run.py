@@ -212,9 +212,10 @@ def diagnose(
     rests: dict[str, list[int]] = {}
     if read.robot is None and len(joints) > 1:
         tell("whether the joints are those of an arm")
-    for group, structures in groups(read.fitted, joints, read.robot, known):
+    parts = groups(read.fitted, joints, read.robot, known)
+    for group, structures in parts:
         findings += filter(None, [arm_said(read, group, structures)])
-        solved = solve(read, group, structures, known, settings, tell, seconds)
+        solved = solve(read, group, structures, known, settings.shared(len(parts)), tell, seconds)
         check_turns(read, solved)
         started = clock.perf_counter()
         tell(f"joint {', '.join(map(str, group))}: measuring the gain")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from diagnosis.remainder import AMPLIFIER, DISTURBANCE
 
@@ -10,6 +10,8 @@ LENGTH = 60_000
 """Samples of all logs with which one simulation counts as one of the budget."""
 SHORTEST = 0.05
 """What one of short logs counts."""
+FEWEST = 4
+"""Problems that a budget is divided among at most."""
 TYPICAL = 0.05
 """Share of the command's rms that an effect's torque has when two effects are asked to be told apart."""
 
@@ -60,3 +62,7 @@ class Settings:
     inexact: float = 0.1
     seen: float = 0.0015
     budget: int = 10_000
+
+    def shared(self, parts: int) -> Settings:
+        """The same with the budget divided among problems that are searched one after the other, down to a quarter."""
+        return replace(self, budget=self.budget // max(1, min(parts, FEWEST)))

@@ -2241,6 +2241,13 @@ def test_a_lag_that_an_earlier_command_takes_back_is_none() -> None:
         assert is_possible(problem, replace(scored, fitted=earlier)) is possible
 
 
+def test_joints_one_after_the_other_share_a_budget() -> None:
+    """An arm of six joints of which nothing is known would take the time of six."""
+    settings = Settings()
+    assert [settings.budget // settings.shared(parts).budget for parts in (1, 2, 4, 6)] == [1, 2, 4, 4]
+    assert replace(settings.shared(3), budget=settings.budget) == settings
+
+
 def test_a_search_that_has_taken_its_budget_tries_no_other_ways(monkeypatch: pytest.MonkeyPatch) -> None:
     """What can be found in the first way is told, and that the search was ended."""
     tried: list[str] = []

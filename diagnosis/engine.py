@@ -99,10 +99,14 @@ FORKS = 2
 """Other ways that are tried."""
 REFINED = 0.25
 """Budgets of simulations that laws may be exchanged for where no more is left than noise and inexact laws leave."""
+WHOLE = 0.1
+"""Share of all that is left that a general form has to promise to be tried as what explains all of it."""
 END = 2.0
 """Budgets of simulations after which a search seeks no further effects."""
 FORESEEN = 50.0
 """Rms of the nominal errors over that of their innovations from which the band of the motion is searched first."""
+SPRUNG = 5.0
+"""The same from which a play is begun from everywhere where a spring has been found."""
 
 
 def find(
@@ -177,14 +181,14 @@ def _find(
     return replace(found, verdict="unknown", remainders=whole.remainders, band=band, is_cut=is_cut)
 
 
-def is_foreseen(problem: Problem, nominal: Fitted) -> bool:
-    """Whether each reading follows from those before it whatever the model: the errors of the nominal one are far more
-    than their innovations.
+def is_foreseen(problem: Problem, nominal: Fitted, times: float = FORESEEN) -> bool:
+    """Whether each reading follows from those before it whatever the model: the errors of the nominal one are far more,
+    so many times as much, than their innovations.
 
     The whole band then hardly tells models apart, and fits there may stop anywhere.
     """
     error = np.mean(nominal.error[problem.used] ** 2, axis=0)
-    return bool(np.any(error > FORESEEN**2 * (nominal.variances + nominal.floor)))
+    return bool(np.any(error > times**2 * (nominal.variances + nominal.floor)))
 
 
 def in_motion(
@@ -319,6 +323,11 @@ Way = Callable[[Path, Accepted], Path | None]
 def has_play(path: Path) -> bool:
     """Whether small causes grow in the motion of a path's model."""
     return any(item.effect.scatters for item in path.accepted)
+
+
+def has_spring(path: Path) -> bool:
+    """Whether an arm hangs on a spring in a path's model, for which a play may have been taken."""
+    return any(item.effect.parts_the_arm and not item.effect.scatters for item in path.accepted)
 
 
 def of_one_law(one: Accepted, other: Accepted) -> bool:
@@ -457,7 +466,8 @@ class Search:
         if not forms:
             return None
         self.tell("general forms of the laws that are there")
-        ranked = try_all(self.problem, path.base, forms, needed=self.settings.threshold)
+        needed = max(self.settings.threshold, WHOLE * path.excess)
+        ranked = try_all(self.problem, path.base, forms, needed=needed)
         chosen = choose(self.problem, path.base, ranked, self.settings, explained, path.accepted, least=path.scattered)
         if chosen is None or any(left.excess > 0.0 for left in remainders(self.problem, chosen.scored.fitted)):
             return None
@@ -700,7 +710,7 @@ class Search:
         Few of its starting values come close to the motion, and what other laws imitate of it is found first. It is
         begun by itself and beside the friction of the path: friction holds an arm in its play, which drifts without.
         """
-        asks = self.incomplete(path) or is_foreseen(self.problem, path.base)
+        asks = self.incomplete(path) or is_foreseen(self.problem, path.base, SPRUNG if has_spring(path) else FORESEEN)
         if has_play(path) or not asks or self.is_over:
             return path
         self.tell("a play, begun from everywhere")

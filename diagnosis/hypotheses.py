@@ -541,7 +541,7 @@ def seen_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, siz
         signals += [np.sin(q[:, 0] + q[:, 1]), np.cos(q[:, 0] + q[:, 1])]
     steps = [_step(c, signal * usable, tool) for signal in signals]
     score, index = max(steps)
-    further = next(iter(effect.starts(size)))[2:] if effect.starts else ()
+    further = next(iter(effect.starts(size) if effect.starts else ()), (0.0,) * effect.size)[2:]
     best = [(score, index)]
     if effect.name == AT_REST:
         best += [(score, index) for score, _, index in _pulses(c, tool, problem.sample_time)[:1]]

@@ -20,6 +20,8 @@ MARGIN = 0.05
 OTHER_INERTIA = 4.0
 #: Factors between the inertias of two recordings from which this is said, and from which they are refused.
 OTHER_MACHINE, REFUSED_MACHINE = 2.5, 5.0
+#: What may be wrong where units differ.
+STATED_FOR_ALL = "; what a sidecar states holds for its own log, what --columns states for all"
 #: Share of the command's variance that the rough physics has to explain before its inertia is believed.
 EXPLAINED = 0.7
 #: The same before a recording may be refused for it: what else drives a joint must not be taken for its inertia.
@@ -194,9 +196,10 @@ def check_together(logs: Sequence[Log]) -> tuple[Finding, ...]:
             ("the robots", first.robot or log.robot, log.robot or first.robot),
         ):
             if one != other:
+                apart = STATED_FOR_ALL if name in ("the commands", "the units") else ""
                 raise LogError(
                     f"{name} differ from {first.name}: {other} instead of {one}",
-                    remedy="Give logs of one machine only",
+                    remedy=f"Give logs of one machine only{apart}",
                     source=log.source or log.name,
                 )
         findings += difference_findings(first, log)

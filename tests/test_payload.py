@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from diagnosis.engine import find
-from diagnosis.hypotheses import scan, sizes_of
+from diagnosis.hypotheses import Hypothesis, extend, scan, sizes_of
+from diagnosis.instants import with_instants
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import stack
+from diagnosis.replay import transfer
 from envs.log import JointFacts, Log
 from methods.effects import built_in
 from methods.kernel import build
@@ -57,6 +61,20 @@ def test_a_load_is_found_with_its_weight_if_it_has_one(pull: float, form: str) -
     values = finding.final.point.parameters[0, 0, KERNEL.own(NAMED[form])]
     assert values[:2] == pytest.approx([LOAD, PICKED_UP], rel=0.02)
     assert values[2:] == pytest.approx([pull, 0.0][: len(values) - 2], abs=0.01)
+
+
+def test_a_weighed_load_on_a_slide_is_looked_for_in_other_logs() -> None:
+    """Of slides nobody proposes the weight's torque, which grows out of the load's; this once ended in a traceback."""
+    logs = [
+        replace(log, facts=(replace(log.facts[0], position_unit="m"),)) for log in (lifting(1, 0.0), lifting(2, 0.0))
+    ]
+    problem, held_out = stack(KERNEL, logs[:1], (1,)), stack(KERNEL, logs[1:], (1,))
+    nominal = fit_nominal(problem, (JointStructure(input="torque", gravity="pendulum"),))
+    weighed = NAMED["payload_change_weighed"]
+    assert not list(weighed.starts(sizes_of(problem, nominal)[0]))
+    point = extend(problem, nominal.point, Hypothesis(weighed, 0), np.array([[LOAD, 0.5 * PICKED_UP, 0.0, 0.0]]))
+    there = with_instants(held_out, transfer(held_out, point), nominal.whitener)
+    assert there.parameters[0, 0, KERNEL.column(weighed, "time")] == pytest.approx(PICKED_UP, abs=0.05)
 
 
 def test_the_blow_of_a_load_that_rested_tells_its_instant() -> None:

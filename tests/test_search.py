@@ -28,7 +28,7 @@ from diagnosis.choice import (
     textbook,
 )
 from diagnosis.competition import confirmed, in_other_terms, other_forms, other_laws, simpler_rivals
-from diagnosis.engine import Fork, Path, Search, carried_over, find, has_play, is_foreseen, quiet, with_jitter
+from diagnosis.engine import SPRUNG, Fork, Path, Search, carried_over, find, has_play, is_foreseen, quiet, with_jitter
 from diagnosis.estimation import Fitted, errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.finding import Accepted, Finding, near_equals, stood_for
 from diagnosis.first_fits import nearest, retuned
@@ -487,6 +487,42 @@ def test_models_hardly_differ_where_readings_follow_from_one_another() -> None:
     assert not is_foreseen(problem, nominal)
     slow = np.sin(np.linspace(0.0, 6.0, len(problem.time)))[:, None]
     assert is_foreseen(problem, replace(nominal, error=nominal.error + 0.1 * slow))
+    some = replace(nominal, error=nominal.error + 20.0 * np.sqrt(nominal.variances + nominal.floor) * slow)
+    assert (is_foreseen(problem, some), is_foreseen(problem, some, SPRUNG)) == (False, True)
+
+
+def test_where_a_spring_was_found_a_play_is_sought_sooner(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A geared motor with a play and dry friction was taken for one with a soft, damped spring, whose errors of 18
+    steps of the encoder passed for slow noise: 28,600 in -2 log likelihood."""
+    problem = problem_of({})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    slow = np.sin(np.linspace(0.0, 6.0, len(problem.time)))[:, None]
+    slow = 20.0 * np.sqrt(nominal.variances + nominal.floor) * slow
+    search = Search(problem, (JointStructure(),), [NAMED["backlash"]], Settings(), nominal, lambda text: None)
+    begun: list[Fitted] = []
+    monkeypatch.setattr("diagnosis.engine.plays", lambda problem, base, *given: begun.append(base) or [])
+    monkeypatch.setattr(Search, "incomplete", lambda self, path: False)
+    for name, times in (("quadratic_drag", 0), ("joint_flexibility", 1)):
+        first = next(iter(NAMED[name].starts(sizes_of(problem, nominal)[0])))
+        item = accepted(problem, nominal, name, list(first))
+        base = replace(item.scored.fitted, error=item.scored.fitted.error + slow)
+        search.with_play(Path(base, (item,), frozenset({(name, 0)}), (nominal,)))
+        assert len(begun) == times
+
+
+def test_a_general_form_that_promises_little_of_what_is_left_is_no_repair(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    item = accepted(problem, nominal, "coulomb_friction", [0.2])
+    asked: list[float] = []
+    monkeypatch.setattr("diagnosis.engine.try_all", lambda *given, needed: asked.append(needed) or [])
+    few = [NAMED[name] for name in ("coulomb_friction", "tapered_coulomb_friction")]
+    search = Search(problem, (JointStructure(),), few, Settings(), nominal, lambda text: None)
+    for more in (50.0, 5000.0):
+        left = Remainder((), 13.0 + 4.0 * np.sqrt(20.0) + more, 10, 0.0, 0.0, 0.0)
+        path = Path(item.scored.fitted, (item,), frozenset({("coulomb_friction", 0)}), (nominal,), (left,))
+        assert search.repaired(path, search.candidates(path, is_full=False), 1e4) is None
+    assert asked == pytest.approx([Settings().threshold, 500.0])
 
 
 def test_continuous_readings_of_all_logs_have_the_same_noise() -> None:
@@ -863,7 +899,7 @@ def test_a_play_is_begun_from_everywhere_only_where_something_is_left_or_taken_f
     found = [friction.scored]
     bases = []
     monkeypatch.setattr("diagnosis.engine.plays", lambda problem, base, *given: bases.append(base) or found)
-    monkeypatch.setattr("diagnosis.engine.is_foreseen", lambda problem, fitted: is_slow)
+    monkeypatch.setattr("diagnosis.engine.is_foreseen", lambda problem, fitted, times: is_slow and times > 10.0)
     monkeypatch.setattr(Search, "incomplete", lambda self, path: is_left)
     path = Path(drag.scored.fitted, (drag,), frozenset({("quadratic_drag", 0)}), (nominal,))
     other = search.with_play(path)

@@ -13,7 +13,7 @@ from diagnosis.nominal import Gravity, JointStructure
 from diagnosis.planar_arm import is_planar_arm, planar_pair
 from envs.compatibility import check_apart, check_together, other_inertia, with_robot
 from envs.log import Array, Log, LogError
-from envs.log_files import load_with_findings
+from envs.log_files import load_with_findings, read_toml, sidecar_path
 from envs.robot import Robot, RobotError
 from envs.robots import find_robot
 from envs.validation import DOUBTFUL_UNIT
@@ -58,13 +58,25 @@ def recordings(
     """Read, complete and check all logs. Raises LogError, RobotError or DiagnosisError, one line."""
     if not logs:
         raise DiagnosisError("there is no log to diagnose. Give at least one")
-    read = [load_with_findings(path, columns, repair=repair) for path in (*logs, *holdout)]
+    lent = shared_sidecar((*logs, *holdout)) if columns is None else {}
+    read = [load_with_findings(path, lent.get(path, columns), repair=repair) for path in (*logs, *holdout)]
     said = gathered((log.name, finding.text) for log, findings in read for finding in findings)
+    said += [f"{path.name} has no sidecar: what {own.name} states is taken for it" for path, own in lent.items()]
     found = arrange([log for log, _ in read[: len(logs)]], [log for log, _ in read[len(logs) :]], robot, said)
     if found.robot is not None:  # whose range the angles have been compared with
         return found
     doubts = (finding for _, findings in read for finding in findings if finding.kind == DOUBTFUL_UNIT)
     return replace(found, doubtful={doubt.joint: doubt.text for doubt in doubts if doubt.joint is not None})
+
+
+def shared_sidecar(paths: Sequence[Path]) -> dict[Path, Path]:
+    """The sidecar of another log for those that have none, where all sidecars say the same, and not which rows of their
+    own log to read."""
+    own = {path: sidecar_path(path) for path in map(Path, paths)}
+    there = [sidecar for sidecar in own.values() if sidecar.exists()]
+    if not there or len({sidecar.read_bytes() for sidecar in there}) > 1 or "rows" in read_toml(there[0]):
+        return {}
+    return {path: there[0] for path, sidecar in own.items() if path.is_file() and not sidecar.exists()}
 
 
 def arrange(logs: Sequence[Log], holdout: Sequence[Log], robot: str | None, said: Sequence[str] = ()) -> Recordings:

@@ -272,8 +272,11 @@ def diagnose(
 
 
 def check_turns(read: Recordings, solved: Solved) -> None:
-    """Refuses an answer that depends on how long a turn is where that is in doubt. Raises DiagnosisError."""
-    for item in solved.finding.accepted:
+    """Refuses an answer that depends on how long a turn is where that is in doubt. Raises DiagnosisError.
+
+    What is `unknown` claims nothing, whatever stands in for it.
+    """
+    for item in solved.finding.accepted if solved.verdict != "unknown" else ():
         joint = solved.joints[item.joint]
         if item.effect.turns and joint in read.doubtful:
             what = f"{item.label.replace('_', ' ')} of joint {joint}"

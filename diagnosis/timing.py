@@ -107,8 +107,9 @@ def _delayed(problem: Problem, point: Point, joint: int) -> bool:
 
 
 def _timed(problem: Problem, fitted: Fitted, *, free: bool, euler: bool) -> Fitted:
-    """The same model with another timing, as it is where it has that; joints with a delay keep theirs at zero."""
-    point, dt = fitted.point, problem.sample_time
+    """The same model with another timing, as it is where it has that; joints with a delay keep theirs at zero. The
+    range is in samples of the logs, also where several of them are simulated at once."""
+    point, dt = fitted.point, problem.sample_time / problem.thinning
     parameters = _stepped(problem, point, euler=euler)
     found = [f for f in point.free if not _is_shift(f)]
     for j in range(problem.joints):

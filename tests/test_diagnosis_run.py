@@ -36,6 +36,8 @@ from diagnosis.preparation import (
     given_numbers,
     groups,
     moving_joints,
+    recordings,
+    shared_sidecar,
     structure,
 )
 from diagnosis.problem import DIVERGED, Problem, stack
@@ -1068,15 +1070,33 @@ def test_an_event_that_may_have_been_at_any_time_is_not_named() -> None:
     assert is_dated(collision(0.1), 6.0)
 
 
+def test_a_sidecar_is_that_of_all_logs_that_have_none(tmp_path: Path) -> None:
+    logs = [replace(recorded(model_of({}), seed), name=f"log{seed}") for seed in (1, 2, 3)]
+    paths = [save(replace(log, facts=(JointFacts(position_unit="m"),)), tmp_path / f"{log.name}.csv") for log in logs]
+    first, *others = [path.with_suffix(".toml") for path in paths]
+    for sidecar in others:
+        sidecar.unlink()
+    read = recordings(paths[:2], paths[2:], None, None, repair=False)
+    assert [log.facts[0].position_unit for log in (*read.fitted, *read.held_out)] == 3 * ["m"]
+    assert "log2.csv has no sidecar: what log1.toml states is taken for it" in read.findings
+    stated = first.read_text(encoding="utf-8")
+    first.write_text("rows = { last = 900 }\n" + stated, encoding="utf-8")  # which are those of its own log
+    assert shared_sidecar(paths) == {}
+    others[0].write_text(stated, encoding="utf-8")  # another one: whose holds for the third?
+    assert shared_sidecar(paths) == {}
+
+
 def test_what_a_turn_is_has_to_be_known_where_the_answer_depends_on_it() -> None:
     read = arrange([recorded(model_of({}), 1)], [recorded(model_of({}), 2)], None)
     read = replace(read, doubtful={1: "back and forth"})
     named = {effect.name: effect for effect in built_in()}
 
-    def solved(name: str) -> Solved:
-        return cast(Solved, SimpleNamespace(joints=(1,), finding=SimpleNamespace(accepted=[Named(named[name])])))
+    def solved(name: str, verdict: str = "named") -> Solved:
+        finding = SimpleNamespace(accepted=[Named(named[name])])
+        return cast(Solved, SimpleNamespace(joints=(1,), finding=finding, verdict=verdict))
 
     check_turns(read, solved("coulomb_friction"))
+    check_turns(read, solved("gravity_tilt", "unknown"))  # which claims nothing
     with pytest.raises(DiagnosisError, match=r"gravity tilt of joint 1.*depends on what a turn is: back and forth"):
         check_turns(read, solved("gravity_tilt"))
 

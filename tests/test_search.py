@@ -2264,6 +2264,15 @@ def test_a_timing_stays_where_a_fit_without_it_ends_elsewhere(monkeypatch: pytes
     assert timing_settled(problem, nominal) is far
 
 
+def test_a_timing_is_one_of_the_logs_samples_where_several_are_simulated_at_once() -> None:
+    """A delay of 3.5 samples at 4 kHz passed for half a step of eight of them: nothing was named."""
+    problem = problem_of({})
+    problem = replace(problem, thinning=8)
+    timed = _timed(problem, fit_nominal(problem, (JointStructure(),)), free=True, euler=False)
+    (shift,) = (f for f in timed.point.free if f.name == "timing@0")
+    assert (shift.lower, shift.upper) == pytest.approx((-1.6 * DT / 8, 0.5 * DT / 8))
+
+
 def test_a_lag_that_an_earlier_command_takes_back_is_none() -> None:
     problem = problem_of({"amplifier_lag": {"time_constant": 0.01}})
     nominal = fit_nominal(problem, (JointStructure(),))

@@ -33,10 +33,11 @@ CONFIDENT = ("named",)
 """Verdicts that claim to know."""
 KNOWN = {
     "emps": ("coulomb_friction", "friction_asymmetry"),
-    "xl330": ("load_dependent_friction",),
+    "xl330": ("load_dependent_friction", "timestamp_jitter"),
     "synthetic joint": ("coulomb_friction",),
 }
-"""Causes that are established otherwise: published, by the authors' own models, hidden by the simulator."""
+"""Causes that are established otherwise: published, by the authors' own models, by the stamps of a serial bus that can
+be seen to jitter (xl330), hidden by the simulator."""
 PERIOD = 6250
 """Samples of the EMPS recording that are used: one period of its reference, a second time held out."""
 SYNTHETIC, STRANGER = (11, "adept_j1"), (12, "servo")

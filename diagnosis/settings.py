@@ -10,7 +10,7 @@ LENGTH = 60_000
 """Samples of all logs with which one simulation counts as one of the budget."""
 SHORTEST = 0.05
 """What one of short logs counts."""
-FEWEST = 4
+SHARES = 4
 """Problems that a budget is divided among at most."""
 TYPICAL = 0.05
 """Share of the command's rms that an effect's torque has when two effects are asked to be told apart."""
@@ -65,4 +65,4 @@ class Settings:
 
     def shared(self, parts: int) -> Settings:
         """The same with the budget divided among problems that are searched one after the other, down to a quarter."""
-        return replace(self, budget=self.budget // max(1, min(parts, FEWEST)))
+        return replace(self, budget=self.budget // max(1, min(parts, SHARES)))

@@ -22,6 +22,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from diagnosis.estimation import Fitted, predicted_motion
+from diagnosis.instants import log_of
 from diagnosis.problem import Problem
 from envs.log import Array
 from methods.filters import prediction_filter
@@ -51,7 +52,7 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     acceleration = np.diff(velocity, prepend=velocity[:1])
     moving = np.minimum(np.abs(velocity) * problem.sample_time / max(problem.encoder_step, 1e-300), 1.0)
     response = reading_response(problem, fitted, joint)
-    own = np.searchsorted(problem.bounds[1:], rows, side="right") == np.arange(problem.logs)[:, None]
+    own = log_of(problem, fitted.whitener) == np.arange(problem.logs)[:, None]
     plain = [*own.astype(float), *(own * _scatter(moving, response)[rows])]
     signals = (("velocity", velocity), ("acceleration", acceleration), ("torque", torque))
     laws = {name: np.stack([*plain, _scatter(signal**2, response)[rows]]) for name, signal in signals}

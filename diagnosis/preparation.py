@@ -72,7 +72,7 @@ def recordings(
 def shared_sidecar(paths: Sequence[Path]) -> dict[Path, Path]:
     """The sidecar of another log for those that have none, where all sidecars say the same, and not which rows of their
     own log to read."""
-    own = {path: sidecar_path(path) for path in map(Path, paths)}
+    own = {path: sidecar_path(path) for path in paths}
     there = [sidecar for sidecar in own.values() if sidecar.exists()]
     if not there or len({sidecar.read_bytes() for sidecar in there}) > 1 or "rows" in read_toml(there[0]):
         return {}

@@ -185,17 +185,21 @@ class Problem:
     @cached_property
     def velocity(self) -> Array:
         """Smoothed velocity of the readings (T, n)."""
-        return self._smoothed(0.03)[1]
+        return self._derivatives[1]
 
     @cached_property
     def acceleration(self) -> Array:
         """Smoothed acceleration of the readings (T, n)."""
-        return self._smoothed(0.03)[2]
+        return self._derivatives[2]
 
     @cached_property
     def position(self) -> Array:
         """Smoothed readings (T, n)."""
         return self._smoothed(0.01)[0]
+
+    @cached_property
+    def _derivatives(self) -> tuple[Array, ...]:
+        return self._smoothed(0.03)
 
     def _smoothed(self, seconds: float) -> tuple[Array, ...]:
         """Angle, velocity and acceleration (T, n) of the readings over windows within their logs."""

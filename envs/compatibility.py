@@ -21,7 +21,7 @@ OTHER_INERTIA = 4.0
 #: Factors between the inertias of two recordings from which this is said, and from which they are refused.
 OTHER_MACHINE, REFUSED_MACHINE = 2.5, 5.0
 #: What may be wrong where units differ.
-STATED_FOR_ALL = "; what a sidecar states holds for its own log, what --columns states for all"
+STATED_FOR_ALL = "; sidecars that differ hold for their own logs only, what --columns states for all"
 #: Share of the command's variance that the rough physics has to explain before its inertia is believed.
 EXPLAINED = 0.7
 #: The same before a recording may be refused for it: what else drives a joint must not be taken for its inertia.

@@ -31,9 +31,8 @@ line that has its mean and its first moment; dry friction is handled by events (
 the other forces stay below the friction level, and breaks away), bristles and the low-pass of the amplifier by their
 exact exponential solution.
 
-Candidates of a single joint, whatever their effects, go eight at a time in the lanes of the processor's vectors, on
-several logs at once where these have the same instants, and those of a planar pair four at a time (`run_lanes`), to the
-same bits as one at a time (`run`, for any number of joints).
+Candidates, whatever their effects, go eight at a time in the lanes of the processor's vectors, on several logs at once
+where these have the same instants (`run_lanes`), to the same bits as one at a time (`run`, for any number of joints).
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -101,8 +100,10 @@ BEGINNING = ("angle", "velocity", "motor torque", "twist", "twist rate", "heat")
 and velocity exceed the arm's where there is a spring or a play, beyond the twist in which the arm hangs, and by what
 share the resistance exceeds that of a cold winding where it drifts."""
 LANES = 8
-"""Joints that are simulated at once: candidates of a single joint, or half as many of a planar pair."""
-HALF = LANES // 2
+"""Candidates of a single joint that are simulated at once."""
+WIDE = 16
+"""Joints of planar pairs that are simulated at once, those of half as many candidates: their equations are longer, and
+more of them at once hide how long each takes."""
 LANE_ROWS = (
     *("Q", "DQ", "W", "HEAT", "QL", "DQL", "Z", "LAG"),
     *("QS", "WS", "HEATS", "QLS"),
@@ -129,7 +130,10 @@ LANE_ROWS = (
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
     *("COMMAND", "READING", "BESIDE", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN"),
     *("FIRST_INERTIA", "CROSS", "SECOND_INERTIA", "COUPLED", "HUNG_SINE", "HUNG_COSINE"),
-    *("PARTED", "SPRING", "GIVEN", "BEHIND", "DRIVE", "ANGLE", "RATE", "ROTOR", "TURNING"),
+    *("PARTED", "SPRING", "GIVEN", "BEHIND", "DRIVE", "ANGLE", "RATE", "ROTOR", "TURNING", "STEEP"),
+    *("LOADED", "INSTANT", "SUDDEN", "EVERY", "SEEN", "TIED", "LAGGED", "LAG_TIME"),
+    *("COMMANDED", "GIVEN_FIRST", "GIVEN_HIGH", "GIVEN_LOW", "JUMPED"),
+    *("WARM", "WARMER", "WARMING_TIME", "COPPERED", "STEADIED", "MEAN_SQUARE"),
 )
 """Rows of the lanes' scratch: states, states within a step, their rates, the same at its beginning and summed over its
 stages, in the same order, then what the lanes need once; those of the parameters follow."""
@@ -193,9 +197,16 @@ class Kernel:
     """Compiled simulator for a fixed, ordered set of effects.
 
     `offsets[name]` is the first column of an effect's parameters, `switches[name]` its column in the switch array.
+    lanes: joints that are simulated at once.
     """
 
     effects: tuple[Effect, ...]
+    lanes: int = LANES
+
+    @cached_property
+    def of_pairs(self) -> Kernel:
+        """The same for planar pairs, with lanes for more joints."""
+        return replace(self, lanes=WIDE)
 
     @cached_property
     def offsets(self) -> dict[str, int]:
@@ -286,8 +297,8 @@ class Kernel:
     def batch(self, *arguments: Any) -> None:
         """The generated function of the same name, its C L runs spread over all cores.
 
-        Those of a single joint share lanes over all logs that have the same instants; how many cores there are makes no
-        difference to that.
+        Those of a single joint or of a planar pair share lanes over all logs that have the same instants; how many cores
+        there are makes no difference to that.
         """
         command, neighbour, bounds, starts, parameters, pair = (arguments[i] for i in (1, 5, 7, 8, 9, 11))
         count, logs, joints = len(parameters), len(bounds) - 1, command.shape[1]
@@ -296,14 +307,17 @@ class Kernel:
         nothing = np.zeros((0, 0, 3))
         if joints == 1:
             alike = [(log, 1) for log in range(logs)] if len(neighbour) else same_instants(arguments[0], bounds)
-            runs = [(*own, *span) for own in alike for span in shares(own[1] * count, LANES)]
+            runs = [(*own, *span) for own in alike for span in shares(own[1] * count, self.lanes)]
             each(lambda run: self._in_lanes(*arguments, nothing, *run), runs)
         elif pair and joints == 2 and not len(neighbour):
             parted = np.any(arguments[10][:, :, [effect.parts_the_arm for effect in self.effects]], axis=(1, 2))
             ends = [0, *(np.flatnonzero(np.diff(parted)) + 1).tolist(), count]  # stiff ones are quicker by themselves
-            spans = [(first + a, first + b) for first, last in pairwise(ends) for a, b in shares(last - first, HALF)]
-            tasks = [(log, *span) for log in range(logs) for span in spans]
-            each(lambda task: self._in_lanes(*arguments, nothing, *task), tasks)
+            wide, runs = self.of_pairs, []
+            for own in same_instants(arguments[0], bounds):
+                for first, last in pairwise(ends):
+                    spans = shares(own[1] * (last - first), wide.lanes // 2)
+                    runs += [(*own, own[1] * first + a, own[1] * first + b) for a, b in spans]
+            each(lambda run: wide._in_lanes(*arguments, nothing, *run), runs)
         else:
             each(lambda run: self.module.batch(*arguments, run, run + 1), range(count * logs))
 
@@ -353,9 +367,9 @@ def any_of(columns: Sequence[int]) -> str:
     return " or ".join(f"on[{column}]" for column in columns) or "False"
 
 
-def lane_row(column: int) -> int:
+def lane_row(column: int, lanes: int) -> int:
     """Where a parameter of the lanes' candidates begins in their scratch."""
-    return (len(LANE_ROWS) + column) * LANES
+    return (len(LANE_ROWS) + column) * lanes
 
 
 def _source(kernel: Kernel) -> str:
@@ -363,8 +377,9 @@ def _source(kernel: Kernel) -> str:
     functions: list[str] = []
     slots = ("command", "gain", "torque", "arm", "drag", "friction", "sensor")
     calls: dict[str, list[str]] = {slot: [] for slot in slots}
-    loops: dict[str, list[str]] = {slot: [] for slot in ("gain", "torque", "arm", "drag", "friction")}
+    loops: dict[str, list[str]] = {slot: [] for slot in slots if slot != "sensor"}
     lanes = {
+        "command": "S[given + l] = {f}(S[given + l], now, S[Q_ + l], S[DQ_ + l], S[W_ + l], {p})",
         "gain": "S[SUM_ + l] *= {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {p})",
         "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
         "arm": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
@@ -400,9 +415,9 @@ def _source(kernel: Kernel) -> str:
             loop = f"elif to[{column}]:\n            for l in range(since[{column}], to[{column}]):\n"
             loop += f"                if on[l, {column}]:\n"
             loop += " " * 20 + line
-            if any(own in text for own in IN_LANES.values()):  # worth the machine code of a loop without branches
+            if effect.slot == "command" or any(own in text for own in IN_LANES.values()):  # worth the machine code of a loop without branches
                 line = lanes[slot_of(effect)].format(
-                    f=name, p=f"({''.join(f'S[{lane_row(c)} + l], ' for c in places)})", x=seen
+                    f=name, p=f"({''.join(f'S[{lane_row(c, kernel.lanes)} + l], ' for c in places)})", x=seen
                 )
                 loop = (
                     f"if all_on[{column}]:\n            for l in range(LANES):\n                {line}\n        {loop}"
@@ -425,17 +440,17 @@ def _source(kernel: Kernel) -> str:
     ):
         values = ", ".join(f"{array}[{i}]" for i in range(count))
         template = template.replace(f"#{symbol}#", f"({values},)")
-    constants = [f"{row}_ = {place} * {LANES}" for place, row in enumerate(LANE_ROWS)]
-    constants += [f"LANES, ROWS, STATES = {LANES}, {len(LANE_ROWS) + kernel.columns}, {LANE_ROWS.index('MOBILITY')}"]
-    constants += [f"HALF = {HALF}"]
+    constants = [f"{row}_ = {place} * {kernel.lanes}" for place, row in enumerate(LANE_ROWS)]
+    constants += [f"LANES, ROWS, STATES = {kernel.lanes}, {len(LANE_ROWS) + kernel.columns}, {LANE_ROWS.index('MOBILITY')}"]
+    constants += [f"HALF = {kernel.lanes // 2}"]
     constants += [f"RATES = {LANE_ROWS.index('FIRST_Q') - LANE_ROWS.index('DQS')}"]
-    constants += [f"{row}_ = {lane_row(NOMINAL.index(row.lower()))}" for row in STANDING]
+    constants += [f"{row}_ = {lane_row(NOMINAL.index(row.lower()), kernel.lanes)}" for row in STANDING]
     constants += [f"FIRST_PARAMETER = {len(LANE_ROWS)}"]
     rippling = kernel.offsets.get("torque_ripple_reciprocal", 0)
-    constants += [f"RIPPLE_{part}_ = {lane_row(rippling + i)}" for i, part in enumerate(("SINE", "COSINE", "CYCLES"))]
+    constants += [f"RIPPLE_{part}_ = {lane_row(rippling + i, kernel.lanes)}" for i, part in enumerate(("SINE", "COSINE", "CYCLES"))]
     constants += [f"ELECTRICAL_RATE, MOBILITY, STEP = {kernel.columns}, {kernel.columns + 1}, {kernel.columns + 2}"]
     yielding = kernel.offsets.get("constrained_coulomb_friction", 0)
-    constants += [f"YIELD_{part}_ = {lane_row(yielding + i)}" for i, part in enumerate(("LEVEL", "TIME", "SHARE"))]
+    constants += [f"YIELD_{part}_ = {lane_row(yielding + i, kernel.lanes)}" for i, part in enumerate(("LEVEL", "TIME", "SHARE"))]
     for effect_name, symbol in STRUCTURAL.items():
         constants.append(f"{symbol} = {kernel.switches.get(effect_name, -1)}")
         constants.append(f"{symbol}_P = {kernel.offsets.get(effect_name, 0)}")
@@ -685,6 +700,17 @@ def _on_arm(t, q, dq, w, x, p, on, any_effect, coupled):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _warming_of(p, on):
+    """First parameter of what warms the winding, by how much its losses grow with its resistance (0: not at all), and
+    whether they are the same all along."""
+    if COPPER >= 0 and on[COPPER]:
+        return COPPER_P, p[COPPER_P + 2], False
+    if STEADY >= 0 and on[STEADY]:
+        return STEADY_P, 0.0, True
+    return THERMAL_P, 0.0, False
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _motor(q, dq, w, heat, u, p, on):
     """Electrical side of one joint: (w, w', heat', torque before the effects on its gain)."""
     resistance, heating, constant = 1.0, 0.0, 1.0
@@ -701,13 +727,9 @@ def _motor(q, dq, w, heat, u, p, on):
             w /= resistance
         change = 0.0
     if _warming(on):
-        copper = COPPER >= 0 and on[COPPER]
-        steady = STEADY >= 0 and on[STEADY]
-        first = COPPER_P if copper else (STEADY_P if steady else THERMAL_P)
-        power = p[first] if steady else p[first] * w * w / p[SQUARE]
-        if copper:
-            power *= (1.0 + p[first + 2] * heat) / (1.0 + p[first + 2] * p[first])
-        heating = (power - heat) / p[first + 1]
+        first, curve, steady = _warming_of(p, on)
+        losses = 1.0 if steady else w * w / p[SQUARE]
+        heating = (p[first] * losses * ((1.0 + curve * heat) / (1.0 + curve * p[first])) - heat) / p[first + 1]
     r = w
     if p[LIMIT] > 0.0:
         r = min(max(w, -p[LIMIT]), p[LIMIT])
@@ -843,6 +865,31 @@ def _payload(t, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _load_of(p, on):
+    """What `_payload` of a single form depends on: inertia, instant, 1 if it is picked up at once, and how many forms
+    there are."""
+    inertia, instant, sudden, forms = 0.0, 0.0, 0.0, 0
+    for form, first in ((PAYLOAD, PAYLOAD_P), (WEIGHED, WEIGHED_P), (CARRIED, CARRIED_P), (HUNG, HUNG_P),
+                        (GRASP, GRASP_P)):
+        if form >= 0 and on[form]:
+            inertia, instant, sudden, forms = p[first], p[first + 1], 1.0 * (form == GRASP), forms + 1
+    return inertia, instant, sudden, forms
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _laden(S, p, on, n, several):
+    """What has been picked up by the lanes (ADDED), by `_payload` if any of them has several forms of it."""
+    if several:
+        for l in range(n):
+            S[ADDED_ + l] = _payload(S[T_ + l], p[l], on[l])
+    else:
+        for l in range(LANES):
+            share = min(max((S[T_ + l] - S[INSTANT_ + l]) / S[EVERY_ + l] + 0.5, 0.0), 1.0)
+            there = 1.0 * (S[T_ + l] >= S[INSTANT_ + l])
+            S[ADDED_ + l] = S[LOADED_ + l] * (S[SUDDEN_ + l] * there + (1.0 - S[SUDDEN_ + l]) * share)
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _reach(p, on):
     """Of a load at the end of the second link of a planar pair: the first link's length over its own lever."""
     reach = 0.0
@@ -922,10 +969,17 @@ def _twisted(q, dq, ql, dql, p, on):
         deep = d - math.copysign(half, d)
         al = omega * (omega * deep + 2.0 * p[column + 2] * (dq - dql))
         if PLAY_POWER >= 0 and on[PLAY_POWER]:
-            al *= (abs(deep) / max(half, 1e-300)) ** (p[first + 4] - 1.0)
+            al *= _power(abs(deep) / max(half, 1e-300), p[first + 4] - 1.0)
         if al * d < 0.0:
             al = 0.0
     return p[column], al
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _steepened(twist, deep, half, power):
+    """Factor on the torque of a play's contact that goes by a power of the depth, 1 where there is none."""
+    beyond = 1.0 * (twist > half)
+    return _power(beyond * deep / max(half, 1e-300) + (1.0 - beyond), power)
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1219,13 +1273,12 @@ def _low_pass(v, rise, state, h, time_constant):
     """Exact first-order low-pass over a step in which the input rises along a line of mean v: (mean, rise of the line
     with the output's first moment, state at the end)."""
     a = h / max(time_constant, 1e-12)
-    decay = math.exp(-a)
+    decay = _exponential(-a)
     begin = v - 0.5 * rise
     away = state - begin + rise / a
-    if a < 0.01:
-        moment = a * (-1.0 / 12.0 + a * (1.0 / 24.0 - a / 80.0))
-    else:
-        moment = (1.0 - decay * (1.0 + a)) / (a * a) - 0.5 * (1.0 - decay) / a
+    short = 1.0 * (a < 0.01)
+    moment = short * a * (-1.0 / 12.0 + a * (1.0 / 24.0 - a / 80.0)) + (1.0 - short) * (
+        (1.0 - decay * (1.0 + a)) / (a * a) - 0.5 * (1.0 - decay) / a)
     mean = v - rise / a + away * (1.0 - decay) / a
     return mean, rise + 12.0 * away * moment, begin + rise - rise / a + away * decay
 
@@ -1276,6 +1329,39 @@ def _through(v, rise, share, now, h, q, dq, w, lag, p, on, commands, euler):
     elif _smooths(p, on):
         v, rise, lag = _low_pass(v, rise, lag, h, -p[ELECTRICAL])
     return v, 0.0 if euler else rise, lag
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _commanded_lanes(S, p, on, all_on, since, to, now):
+    """`_through` of all lanes at once, up to the low-pass, where none draws a current that the command sets at once:
+    the laws of the command for its mean, or before a jump, and at the ends of the step, or behind the jump."""
+    still = True
+    for l in range(LANES):
+        share = S[TURNED_ + l]
+        between = 1.0 * (share > 0.0) * (1.0 * (share < 1.0))
+        jump = between * (S[RISE_ + l] / (_rising(share, 1.0) + (1.0 - between)))
+        jumps = 1.0 * (jump != 0.0)
+        half = jumps * jump + (1.0 - jumps) * (0.5 * S[RISE_ + l])
+        first = jumps * (S[MEAN_ + l] - share * jump) + (1.0 - jumps) * S[MEAN_ + l]
+        S[GIVEN_FIRST_ + l], S[GIVEN_HIGH_ + l], S[GIVEN_LOW_ + l] = first, first + half, first - half
+        S[JUMPED_ + l] = jumps
+    for l in range(LANES):
+        still = still and S[RISE_ + l] == 0.0
+    for row in range(1 if still else 3):
+        given = GIVEN_FIRST_ + row * LANES
+        #command_lanes#
+    if still:
+        for l in range(LANES):
+            S[MEAN_ + l] = S[COMMANDED_ + l] * S[GIVEN_FIRST_ + l] + (1.0 - S[COMMANDED_ + l]) * S[MEAN_ + l]
+    else:
+        for l in range(LANES):
+            there, jumps, share = S[COMMANDED_ + l], S[JUMPED_ + l], S[TURNED_ + l]
+            first, high = S[GIVEN_FIRST_ + l], S[GIVEN_HIGH_ + l]
+            jump = high - first
+            mean = jumps * (first + share * jump) + (1.0 - jumps) * first
+            rise = jumps * _rising(share, jump) + (1.0 - jumps) * (high - S[GIVEN_LOW_ + l])
+            S[MEAN_ + l] = there * mean + (1.0 - there) * S[MEAN_ + l]
+            S[RISE_ + l] = there * rise + (1.0 - there) * S[RISE_ + l]
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1533,9 +1619,11 @@ def _parted_lane(S, l, p, on):
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
     """Parameters p (n, columns + 3), first states S, which slots have any effect and whether there is a spring or a
-    play; returns how many of these. Spare lanes stay zero. The log of a lane begins at row begins[l] of u (T,)."""
-    n, springs, plays = len(P), 0, 0
+    play; returns how many of these, and whether any has several forms of a load that is picked up. Spare lanes stay zero. The log of a lane begins at row begins[l] of u (T,)."""
+    n, springs, plays, several = len(P), 0, 0, False
     resolved = _resolved(P, h)
+    for l in range(LANES):
+        S[EVERY_ + l], S[LAG_TIME_ + l], S[WARMING_TIME_ + l], S[MEAN_SQUARE_ + l] = h, 1.0, 1.0, 1.0
     for l in range(n):
         p[l] = resolved[l]
         S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l] = _sides(starts[l], p[l], on[l])
@@ -1550,6 +1638,7 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
             springs, plays = springs + _flexible(on[l]), plays + _playing(on[l])
             if _playing(on[l]):
                 S[HALF_ + l] = 0.5 * p[l, _play_column(on[l])]
+                S[STEEP_ + l] = p[l, PLAY_POWER_P + 4] - 1.0 if PLAY_POWER >= 0 and on[l, PLAY_POWER] else 0.0
         else:
             S[VISCOUS_ + l] += p[l, ARM_VISCOUS]
         for column in range(P.shape[1]):
@@ -1559,7 +1648,19 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
         if not parted[l]:
             S[ARM_FRICTION_ + l] = 0.0
         S[PARTED_ + l], S[SPRING_ + l] = 1.0 * parted[l], 1.0 * (not _playing(on[l]))
-    return springs, plays
+        S[LOADED_ + l], S[INSTANT_ + l], S[SUDDEN_ + l], forms = _load_of(p[l], on[l])
+        several = several or forms > 1
+        S[SEEN_ + l], S[TIED_ + l] = 1.0 * _load_side(on[l]), 1.0 * (FLEX_LOAD >= 0 and on[l, FLEX_LOAD])
+        S[COMMANDED_ + l] = 1.0 * has[l, 0]
+        if LAG >= 0 and on[l, LAG]:
+            S[LAGGED_ + l], S[LAG_TIME_ + l] = 1.0, p[l, LAG_P]
+        elif _smooths(p[l], on[l]):
+            S[LAGGED_ + l], S[LAG_TIME_ + l] = 1.0, -p[l, ELECTRICAL]
+        if _warming(on[l]):
+            first, curve, steady = _warming_of(p[l], on[l])
+            S[WARM_ + l], S[WARMER_ + l], S[WARMING_TIME_ + l] = 1.0, p[l, first], p[l, first + 1]
+            S[COPPERED_ + l], S[STEADIED_ + l], S[MEAN_SQUARE_ + l] = curve, 1.0 * steady, p[l, SQUARE]
+    return springs, plays, several
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1574,7 +1675,7 @@ def _seen(S, l, xs, rigid):
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, shared, weighs, motor, rippled,
-                 limited, ends, rigid, hanging, begins):
+                 limited, warm, ends, rigid, hanging, several, begins):
     """Time derivatives of LANES candidates at once: the same equations as `_rates`, row by row.
 
     has: slots that any of them fills. shared: whether friction acts on an arm behind a spring or a play, too. begins:
@@ -1605,7 +1706,19 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
             angle = S[RIPPLE_CYCLES_ + l] * (S[QS_ + l] + S[BESIDE_ + l])
             S[CONSTANT_ + l] = 1.0 + (
                 S[RIPPLE_SINE_ + l] * _sine(angle) + S[RIPPLE_COSINE_ + l] * _cosine(angle))
-    if motor == LAGGING:
+    if warm and motor != OTHER:
+        for l in range(LANES):
+            emf, heat = S[CONSTANT_ + l] * S[EMF_ + l] * S[DQS_ + l], S[HEATS_ + l]
+            resistance = 1.0 + S[WARM_ + l] * heat
+            if motor == LAGGING:
+                S[DW_ + l] = (S[U_ + l] - emf - resistance * S[WS_ + l]) * S[ELECTRICAL_ + l]
+            else:
+                S[WS_ + l] = (S[U_ + l] - emf) / resistance
+            w = S[R_ + l] = S[WS_ + l]
+            losses = S[STEADIED_ + l] + (1.0 - S[STEADIED_ + l]) * (w * w / S[MEAN_SQUARE_ + l])
+            curve = (1.0 + S[COPPERED_ + l] * heat) / (1.0 + S[COPPERED_ + l] * S[WARMER_ + l])
+            S[DHEAT_ + l] = S[WARM_ + l] * (S[WARMER_ + l] * losses * curve - heat) / S[WARMING_TIME_ + l]
+    elif motor == LAGGING:
         for l in range(LANES):
             emf = S[CONSTANT_ + l] * S[EMF_ + l] * S[DQS_ + l]
             S[DW_ + l] = (S[U_ + l] - emf - S[WS_ + l]) * S[ELECTRICAL_ + l]
@@ -1685,47 +1798,60 @@ def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split,
             pull, inertia = _pulled(
                 S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[ARM_ + l], p[l], on[l])
             S[ARM_ + l] += pull - _yielded(pull, S[DQLS_ + l], inertia, S[ARM_FRICTION_ + l], p[l], on[l])
-    if rigid is not None and split:
-        _parted_pairs(S, p, on, any_on, has[3], hanging)
-    elif rigid is not None:
-        _planar_lanes(S, p, on, any_on, has[3], hanging)
+    if rigid is not None:
+        if split:
+            _parted_pairs(S, p, on, any_on, has[3], hanging, several)
+        else:
+            _planar_lanes(S, p, on, any_on, has[3], hanging, several)
+        return
+    if _carries(any_on):
+        _laden(S, p, on, n, several)
+    if ends == ONE_BODY and _carries(any_on):
+        for l in range(LANES):
+            whole = S[INERTIA_ + l] + S[ADDED_ + l]
+            bare = 1.0 * (whole == S[INERTIA_ + l])
+            S[DDQ_ + l] = bare * (S[R_ + l] * S[MOBILITY_ + l]) + (1.0 - bare) * (S[R_ + l] / whole)
     elif ends == ONE_BODY:
         for l in range(LANES):
             S[DDQ_ + l] = S[R_ + l] * S[MOBILITY_ + l]
     elif ends == PLAY_BETWEEN:
+        steep = PLAY_POWER >= 0 and any_on[PLAY_POWER]
         for l in range(LANES):
             d = S[QS_ + l] - S[QLS_ + l]
             deep = d - S[HALF_ + l] * (1.0 * (d > 0.0) - 1.0 * (d < 0.0))
             al = S[OMEGA_ + l] * (S[OMEGA_ + l] * deep + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
+            if steep:
+                al *= _steepened(abs(d), abs(deep), S[HALF_ + l], S[STEEP_ + l])
             al *= 1.0 * (abs(d) > S[HALF_ + l]) * (1.0 * (al * d >= 0.0))
-            S[R_ + l] -= S[INERTIA_ + l] * S[SHARE_ + l] * al
-            S[DDQ_ + l] = S[R_ + l] / (S[INERTIA_ + l] * (1.0 - S[SHARE_ + l]))
+            whole = S[INERTIA_ + l] + S[ADDED_ + l]
+            S[R_ + l] -= whole * S[SHARE_ + l] * al
+            S[DDQ_ + l] = S[R_ + l] / (whole * (1.0 - S[SHARE_ + l]))
             arm = S[ARM_ + l] + S[ARM_VISCOUS_ + l] * S[DQLS_ + l]
-            S[DDQL_ + l] = al - arm / (S[INERTIA_ + l] * max(S[SHARE_ + l], SMALL))
+            S[DDQL_ + l] = al - arm / (whole * max(S[SHARE_ + l], SMALL))
     elif ends == SPRING:
         for l in range(LANES):
             pull = S[OMEGA_ + l] * (S[QS_ + l] - S[QLS_ + l])
             al = S[OMEGA_ + l] * (pull + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
-            S[R_ + l] -= S[INERTIA_ + l] * S[SHARE_ + l] * al
-            S[DDQ_ + l] = S[R_ + l] / (S[INERTIA_ + l] * (1.0 - S[SHARE_ + l]))
+            whole = S[INERTIA_ + l] + S[ADDED_ + l]
+            S[R_ + l] -= whole * S[SHARE_ + l] * al
+            S[DDQ_ + l] = S[R_ + l] / (whole * (1.0 - S[SHARE_ + l]))
             arm = S[ARM_ + l] + S[ARM_VISCOUS_ + l] * S[DQLS_ + l]
-            S[DDQL_ + l] = al - arm / (S[INERTIA_ + l] * max(S[SHARE_ + l], SMALL))
+            S[DDQL_ + l] = al - arm / (whole * max(S[SHARE_ + l], SMALL))
     else:
         for l in range(n):
             S[DDQ_ + l], S[DDQL_ + l], between = _joined(
                 S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[R_ + l], S[ARM_ + l], p[l], on[l])
             S[R_ + l] -= between
-    if rigid is None and has[3]:
+    if has[3]:
         for l in range(LANES):
             S[DDQ_ + l] *= S[FREE_ + l]
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _loaded_pairs(S, p, on, any_on):
+def _loaded_pairs(S, p, on, any_on, several):
     """Adds to planar pairs the loads that have been picked up: inertias, and of a load at the end of the second link
     also what it couples and its weight."""
-    for l in range(LANES):
-        S[ADDED_ + l] = _payload(S[T_ + l], p[l], on[l])
+    _laden(S, p, on, LANES, several)
     if (CARRIED >= 0 and any_on[CARRIED]) or (HUNG >= 0 and any_on[HUNG]):
         for l in range(HALF):
             m = l + HALF
@@ -1759,13 +1885,13 @@ def _posed_pairs(S, angle, weight, hanging):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _planar_lanes(S, p, on, any_on, dry, hanging):
+def _planar_lanes(S, p, on, any_on, dry, hanging, several):
     """`_planar` of candidates whose joints lie in the first and in the second half of the lanes.
 
     hanging: whether gravity acts on any of them. R ends as the torques on what does not rest.
     """
     if _carries(any_on):
-        _loaded_pairs(S, p, on, any_on)
+        _loaded_pairs(S, p, on, any_on, several)
     _posed_pairs(S, QS_, WEIGHT_, hanging)
     for l in range(HALF):
         S[SECOND_INERTIA_ + l] = S[INERTIA_ + HALF + l] / S[RATIO_ + l] + S[ADDED_ + HALF + l] / S[RATIO_ + l]
@@ -1800,17 +1926,20 @@ def _planar_lanes(S, p, on, any_on, dry, hanging):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _parted_pairs(S, p, on, any_on, dry, hanging):
+def _parted_pairs(S, p, on, any_on, dry, hanging, several):
     """`_coupled` of candidates whose joints lie in the first and in the second half of the lanes: rows as they are for
     those that have a spring or a play (PARTED) and those that have none. What rests, and what no row says, goes one
     pair after the other."""
+    steep = PLAY_POWER >= 0 and any_on[PLAY_POWER]
     if _carries(any_on):
-        _loaded_pairs(S, p, on, any_on)
+        _loaded_pairs(S, p, on, any_on, several)
     for l in range(LANES):
         S[GIVEN_ + l] = S[R_ + l]
         d = S[QS_ + l] - S[QLS_ + l]
         deep = d - S[HALF_ + l] * (1.0 * (d > 0.0) - 1.0 * (d < 0.0))
         al = S[OMEGA_ + l] * (S[OMEGA_ + l] * deep + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
+        if steep:
+            al *= _steepened(abs(d), abs(deep), S[HALF_ + l], S[STEEP_ + l])
         al *= max(1.0 * (abs(d) > S[HALF_ + l]) * (1.0 * (al * d >= 0.0)), S[SPRING_ + l])
         whole = S[INERTIA_ + l] + S[ADDED_ + l]
         S[BEHIND_ + l] = whole * S[SHARE_ + l]
@@ -1854,10 +1983,9 @@ def _parted_pairs(S, p, on, any_on, dry, hanging):
         parted, whole = S[PARTED_ + l], 1.0 - S[PARTED_ + l]
         S[DDQ_ + l] = parted * S[DDQ_ + l] + whole * S[DDQL_ + l]
         S[R_ + l] = parted * S[R_ + l] + whole * S[DRIVE_ + l]
-    for l in range(HALF):
+    for l in range(HALF if dry else 0):
         m = l + HALF
-        rests = dry and S[FREE_ + l] * S[FREE_ + m] == 0.0
-        if rests or (PLAY_POWER >= 0 and (on[l, PLAY_POWER] or on[m, PLAY_POWER])):
+        if S[FREE_ + l] * S[FREE_ + m] == 0.0:
             S[DDQ_ + l], S[DDQ_ + m], S[DDQL_ + l], S[DDQL_ + m], S[R_ + l], S[R_ + m] = _coupled(
                 S[T_ + l], S[QS_ + l], S[DQS_ + l], S[QLS_ + l], S[DQLS_ + l], S[QS_ + m], S[DQS_ + m], S[QLS_ + m],
                 S[DQLS_ + m], S[GIVEN_ + l], S[GIVEN_ + m], S[ARM_ + l], S[ARM_ + m], S[FREE_ + l] == 0.0,
@@ -1973,7 +2101,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     all_on = #common#
     any_on = #union#  # numbers instead of an array: the compiler keeps them at hand
     S, p, parted = np.zeros(ROWS * LANES), np.zeros((n, STEP + 1)), np.zeros(n, dtype=np.bool_)
-    springs, plays = _begin_lanes(starts, u[:, 0], begins, P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
+    springs, plays, several = _begin_lanes(starts, u[:, 0], begins, P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
     slots = np.zeros(5, dtype=np.bool_)
     _present(union, slots)
     has = (slots[0], slots[1], slots[2], slots[3], slots[4])
@@ -1982,9 +2110,13 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     for l in range(n):
         shared = shared or (parted[l] and p[l, ARM_FRICTION] > 0.0)
     hanging = HUNG >= 0 and any_on[HUNG]
-    senses = _load_side(any_on) or _sensing(any_on)
+    senses, sees = _sensing(any_on), _load_side(any_on)
     weighs = LIGHT if _weighing(any_on) or x.shape[1] > 3 or hanging else 0
     altered = has[0] or (LAG >= 0 and any_on[LAG])  # on its way through the amplifier, but for a delay
+    at_once = lags = False
+    for l in range(n):
+        at_once = at_once or (_drawing(on[l]) and p[l, ELECTRICAL] <= 0.0 and not (LAG >= 0 and on[l, LAG]))
+        lags = lags or S[LAGGED_ + l] > 0.0
     direct = hold[0] == 0 and not altered
     lagging, limited = 0, False
     for l in range(n):
@@ -2000,26 +2132,22 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     motor, rippled = OTHER, RIPPLE >= 0 and all_on[RIPPLE]
     if rippled or not (RIPPLE >= 0 and any_on[RIPPLE]):
         motor = LAGGING if lagging == n else (PROMPT if lagging == 0 else OTHER)
-    motor = OTHER if warm else motor
     limited, rippled = limited and motor != OTHER, rippled and motor != OTHER  # the others see to it themselves
     S[CONSTANT_ : CONSTANT_ + LANES] = 1.0
     S[FREE_ : FREE_ + LANES] = 1.0
     ends = OTHER
-    if not _carries(any_on):
-        if not split:
-            ends = ONE_BODY
-        elif springs == n:
-            ends = SPRING
-        elif plays == n and not (PLAY_POWER >= 0 and any_on[PLAY_POWER]):
-            ends = PLAY_BETWEEN
-    lo, hi = begins[0], begins[0] + lengths[0]
-    u_other, cumulative_other = u[lo:hi, 0], cumulative[lo:hi, 0]
+    if not split:
+        ends = ONE_BODY
+    elif springs == n:
+        ends = SPRING
+    elif plays == n:
+        ends = PLAY_BETWEEN
+    lo, joints = begins[0], 1 if rigid is None else 2
     if rigid is not None:  # gravity of a pair is not that of its joints
         weighs = LIGHT if weighs else 0
         direct = direct and hold[1] == 0
-        u_other, cumulative_other = u[lo:hi, 1], cumulative[lo:hi, 1]
         for l in range(HALF):
-            S[LAG_ + HALF + l] = u[begins[0], 1]
+            S[LAG_ + HALF + l] = u[begins[l], 1]
             S[COUPLING_ + l], S[RATIO_ + l], S[SHARED_ + l] = rigid[l, 0], rigid[l, 1], rigid[l, 2]
             S[COUPLED_ + l] = rigid[l, 0]
     with_x, with_extra = x.shape[0] > 0, extra_in.shape[0] > 0
@@ -2028,19 +2156,19 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     t0, before, pull, caught, alive, late, mean, rise = t[0], 0.0, 0.0, 0.0, n, 0.0, 0.0, 0.0
     xs = (0.0, 0.0, 0.0)
     for k in range(T):
-        if together:
+        if together and rigid is None:
             for l in range(LANES):
                 S[READING_ + l], S[COMMAND_ + l] = y[lo + k, 0], u[lo + k, 0]
         else:
             for l in range(LANES):
-                own_row = origin[l] + min(k, ends_at[l] - 1)
-                S[READING_ + l], S[COMMAND_ + l] = y[own_row, 0], u[own_row, 0]
-        if rigid is not None:
-            for l in range(HALF, LANES):
-                S[READING_ + l], S[COMMAND_ + l] = y[lo + k, 1], u_other[k]
+                own_row, joint = origin[l] + min(k, ends_at[l] - 1), joints * l // LANES
+                S[READING_ + l], S[COMMAND_ + l] = y[own_row, joint], u[own_row, joint]
         if senses:
             for l in range(n):
                 S[ERROR_ + l] = S[READING_ + l] - _reading(S[QL_ + l] if _load_side(on[l]) else S[Q_ + l], p[l], on[l])
+        elif sees:
+            for l in range(LANES):
+                S[ERROR_ + l] = S[READING_ + l] - (S[SEEN_ + l] * S[QL_ + l] + (1.0 - S[SEEN_ + l]) * S[Q_ + l])
         else:
             for l in range(LANES):
                 S[ERROR_ + l] = S[READING_ + l] - S[Q_ + l]
@@ -2060,11 +2188,10 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                 before = dt
                 pull = 1.0 - math.exp(-leak * dt)
                 caught = 1.0 - math.exp(-CATCHING_UP * leak * dt)
-            if split and senses:
-                for l in range(n):
-                    S[(QL_ if _load_side(on[l]) else Q_) + l] += pull * S[ERROR_ + l]
-                    if FLEX_LOAD >= 0 and on[l, FLEX_LOAD]:
-                        S[Q_ + l] += pull * S[ERROR_ + l]
+            if sees:
+                for l in range(LANES):
+                    S[QL_ + l] += S[SEEN_ + l] * (pull * S[ERROR_ + l])
+                    S[Q_ + l] += max(1.0 - S[SEEN_ + l], S[TIED_ + l]) * (pull * S[ERROR_ + l])
             else:
                 _added(S, Q_, pull, ERROR_)
             for l in range(LANES):
@@ -2098,23 +2225,31 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                 for l in range(n):
                     if l == 0 or S[LATE_ + l] != late or origin[l] != origin[l - 1] or (
                             rigid is not None and l == HALF):
-                        late = S[LATE_ + l]
-                        if rigid is not None and l >= HALF:
-                            mean, rise, turned = _amplifier(k, i, substeps, late / dt, hold[1], u_other,
-                                                            cumulative_other)
-                        else:
-                            a, b = origin[l], origin[l] + ends_at[l]
-                            mean, rise, turned = _amplifier(min(k, ends_at[l] - 1), i, substeps, late / dt, hold[0],
-                                                            u[a:b, 0], cumulative[a:b, 0])
+                        late, joint = S[LATE_ + l], joints * l // LANES
+                        a, b = origin[l], origin[l] + ends_at[l]
+                        mean, rise, turned = _amplifier(min(k, ends_at[l] - 1), i, substeps, late / dt, hold[joint],
+                                                        u[a:b, joint], cumulative[a:b, joint])
                     S[MEAN_ + l], S[RISE_ + l] = mean, 0.0 if euler and not altered else rise
                     S[TURNED_ + l] = turned
-                for l in range(n if altered else 0):
-                    if not (own[l, 0] or (LAG >= 0 and on[l, LAG])):
+                if has[0] and not at_once:
+                    _commanded_lanes(S, p, on, all_on, since, to, now)
+                for l in range(n if has[0] and at_once else 0):
+                    if not (own[l, 0] or S[LAGGED_ + l] > 0.0):
                         S[RISE_ + l] = 0.0 if euler else S[RISE_ + l]
                         continue
                     S[MEAN_ + l], S[RISE_ + l], S[LAG_ + l] = _through(
                         S[MEAN_ + l], S[RISE_ + l], S[TURNED_ + l], now, h, S[Q_ + l], S[DQ_ + l], S[W_ + l],
                         S[LAG_ + l], p[l], on[l], own[l, 0], euler)
+                if lags and not at_once:
+                    for l in range(LANES):
+                        there = S[LAGGED_ + l]
+                        through, slope, lag = _low_pass(S[MEAN_ + l], S[RISE_ + l], S[LAG_ + l], h, S[LAG_TIME_ + l])
+                        S[MEAN_ + l] = there * through + (1.0 - there) * S[MEAN_ + l]
+                        S[RISE_ + l] = there * slope + (1.0 - there) * S[RISE_ + l]
+                        S[LAG_ + l] = there * lag + (1.0 - there) * S[LAG_ + l]
+                if euler and not at_once:
+                    for l in range(LANES):
+                        S[RISE_ + l] = 0.0
             _copied(S, RESIST_, OUTER_, 1)
             if _bristled(any_on):
                 for l in range(n):
@@ -2155,7 +2290,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                             place = (h - S[LEFT_ + l] + S[AHEAD_ + l]) * per_step - 0.5
                             S[U_ + l] = S[MEAN_ + l] + S[RISE_ + l] * place
                     _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, shared, weighs, motor,
-                                 rippled, limited, ends, rigid, hanging, stage == 0)
+                                 rippled, limited, warm, ends, rigid, hanging, several, stage == 0)
                     if stage == 0:
                         for l in range(n):
                             if S[SPAN_ + l] > 0.0:
@@ -2309,38 +2444,47 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
 
 @njit(cache=True, error_model='numpy', nogil=True)
 def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out,
-               motion, log, first, last):
-    """Candidates first to last of a planar pair on one log, without neighbours, as `batch_one`.
+               motion, log, logs, first, last):
+    """Runs first to last of all those of a planar pair's candidates, without neighbours, on so many logs from `log` on,
+    which have the same instants as far as they go: a candidate on all logs, then the next one. As `batch_one`.
 
-    Lanes that are left over repeat the last candidate.
+    Lanes that are left over repeat the last run.
     """
-    lo, hi = bounds[log], bounds[log + 1]
-    T, dt = hi - lo, t[lo + 1] - t[lo]
+    dt = t[bounds[log] + 1] - t[bounds[log]]
     row, own = np.zeros((LANES, P.shape[3])), np.zeros((LANES, on.shape[2]), dtype=np.bool_)
-    begin, constants, errors = np.zeros((LANES, starts.shape[3])), np.zeros((HALF, 3)), np.zeros((LANES, T))
-    rows, begins, lengths = np.arange(LANES), np.zeros(LANES, dtype=np.int64), np.full(LANES, T)
-    outer = np.zeros((LANES if extra.shape[0] > 0 else 0, T if extra.shape[0] > 0 else 0))
+    begin, constants, errors = np.zeros((LANES, starts.shape[3])), np.zeros((HALF, 3)), np.zeros((LANES, len(t)))
+    rows, begins, lengths = np.arange(LANES), np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
+    outer = np.zeros((LANES if extra.shape[0] > 0 else 0, len(t) if extra.shape[0] > 0 else 0))
     a = first
     while a < last:
-        steps, stepping = _steps(P[a, log], on[a], dt, substeps), P[a, log, 0, STEPPING] > 0.0
+        c, its_log = a // logs, log + a % logs
+        steps, stepping = _steps(P[c, its_log], on[c], dt, substeps), P[c, its_log, 0, STEPPING] > 0.0
         b = a + 1
-        while (
-            b < last and b < a + HALF and (P[b, log, 0, STEPPING] > 0.0) == stepping
-            and _steps(P[b, log], on[b], dt, substeps) == steps
-        ):
+        while b < last and b < a + HALF:
+            c, its_log = b // logs, log + b % logs
+            if (P[c, its_log, 0, STEPPING] > 0.0) != stepping or _steps(P[c, its_log], on[c], dt, substeps) != steps:
+                break
             b += 1
+        longest = log + a % logs
         for l in range(LANES):
-            candidate, joint = min(a + l % HALF, b - 1), l // HALF
-            row[l], own[l], begin[l] = P[candidate, log, joint], on[candidate, joint], starts[candidate, log, joint]
+            item, joint = min(a + l % HALF, b - 1), l // HALF
+            c, its_log = item // logs, log + item % logs
+            row[l], own[l], begin[l] = P[c, its_log, joint], on[c, joint], starts[c, its_log, joint]
             _as_weight(row[l], own[l])
-            constants[l % HALF] = rigid[candidate]
+            constants[l % HALF] = rigid[c]
+            lo, hi = bounds[its_log], bounds[its_log + 1]
+            begins[l], lengths[l] = lo, hi - lo
+            if hi - lo > bounds[longest + 1] - bounds[longest]:
+                longest = its_log
             if extra.shape[0] > 0:
-                outer[l] = extra[candidate, lo:hi, joint]
-        run_lanes(t[lo:hi], u[lo:hi], cumulative[lo:hi], hold, y[lo:hi], np.zeros((0, 3)), outer, rows, begins,
-                  lengths, begin, row, own, leak, rate_leak, steps, errors, motion, constants)
-        for candidate in range(a, b):
+                outer[l, lo:hi] = extra[c, lo:hi, joint]
+        run_lanes(t[bounds[longest] : bounds[longest + 1]], u, cumulative, hold, y, np.zeros((0, 3)), outer, rows,
+                  begins, lengths, begin, row, own, leak, rate_leak, steps, errors, motion, constants)
+        for item in range(a, b):
+            c, its_log = item // logs, log + item % logs
+            lo, hi = bounds[its_log], bounds[its_log + 1]
             for joint in range(2):
-                out[candidate, lo:hi, joint] = errors[candidate - a + joint * HALF]
+                out[c, lo:hi, joint] = errors[item - a + joint * HALF, lo:hi]
         a = b
 
 

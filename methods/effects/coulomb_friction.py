@@ -50,8 +50,9 @@ def rounded(t, q, dq, w, x, p):
 
 def tapered(t, q, dq, w, x, p):
     """torque r / (1 + |r|^taper)^(1 / taper), r = dq / rounding."""
-    ratio = min(abs(dq) / p[1], 1e6)
-    return math.copysign(p[0] * ratio * (1.0 + ratio ** p[2]) ** (-1.0 / p[2]), dq)
+    ratio = abs(dq) / p[1]
+    small = min(ratio, 1.0 / max(ratio, 1e-300))
+    return math.copysign(p[0] * min(ratio, 1.0) * math.pow(abs(1.0 + math.pow(abs(small), p[2])), -1.0 / p[2]), dq)
 
 
 ROUNDED = replace(

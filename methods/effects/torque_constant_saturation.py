@@ -3,6 +3,7 @@
 Source: MuJoCo's and motor makers' rational law; D. Hanselman, Brushless Motors, section on saturation.
 """
 
+import math
 from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter
@@ -31,7 +32,7 @@ EFFECT = Effect(
 
 def power(t, q, dq, w, p):
     """1 / (1 + coefficient w^2 / exponent)^exponent."""
-    return (1.0 + p[0] * w * w / p[1]) ** -p[1]
+    return math.pow(abs(1.0 + p[0] * w * w / p[1]), -p[1])
 
 
 POWER = replace(

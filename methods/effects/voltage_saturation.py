@@ -31,9 +31,8 @@ EFFECT = Effect(
 def gradual(u, t, q, dq, w, p):
     """u / (1 + |u / voltage|^sharpness)^(1/sharpness)."""
     ratio = abs(u) / max(p[0], 1e-12)
-    if ratio > 1.0:
-        return math.copysign(p[0], u) * (1.0 + ratio ** -p[1]) ** (-1.0 / p[1])
-    return u * (1.0 + ratio ** p[1]) ** (-1.0 / p[1])
+    small = min(ratio, 1.0 / max(ratio, 1e-300))
+    return u * math.pow(abs(1.0 + math.pow(abs(small), p[1])), -1.0 / p[1]) / max(ratio, 1.0)
 
 
 GRADUAL = replace(

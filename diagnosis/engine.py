@@ -781,7 +781,7 @@ class Search:
     def taken(self) -> float:
         """Simulations so far over the budget; two joints that move together take twice as long for one, and long logs
         longer."""
-        length = self.problem.thinning * len(self.problem.time)
+        length = len(self.problem.time)
         simulations = self.problem.joints * self.problem.work.samples / length
         return simulations / max(self.settings.budget, 1) * max(length / LENGTH, SHORTEST)
 

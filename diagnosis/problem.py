@@ -238,7 +238,7 @@ class Problem:
     ) -> Array:
         """Prediction errors (C, T, n) of C candidates: parameters (C, L, n, columns), switches (C, n, effects)."""
         out = np.empty((len(parameters), len(self.time), self.joints))
-        self.work.add(len(parameters) * len(self.time) * self.thinning * (substeps or self.substeps))
+        self.work.add(len(parameters) * len(self.time) * (substeps or self.substeps))
         self.kernel.batch(
             self.instants,
             self.command,

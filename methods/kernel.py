@@ -46,7 +46,7 @@ import tempfile
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
@@ -280,14 +280,15 @@ class Kernel:
 
     def _in_lanes(self, *arguments: Any) -> None:
         """The generated `batch_one` or `batch_pair`, compiled for these arguments where it is not: instructions for
-        several lanes from lines that are written out, which only these gain from."""
+        several lanes from lines that are written out, which only these gain from, and with more lanes than can all be
+        written out from loops over them."""
         function = self.module.batch_one if arguments[1].shape[1] == 1 else self.module.batch_pair
         signature = tuple(map(numba.typeof, arguments))
         if signature not in function.overloads:
             options: Any = numba.config
             with _compiling:
                 before = options.SLP_VECTORIZE, options.LOOP_VECTORIZE
-                options.SLP_VECTORIZE, options.LOOP_VECTORIZE = 1, 0
+                options.SLP_VECTORIZE, options.LOOP_VECTORIZE = 1, int(self.lanes > LANES)
                 try:
                     function.compile(signature)
                 finally:
@@ -297,8 +298,8 @@ class Kernel:
     def batch(self, *arguments: Any) -> None:
         """The generated function of the same name, its C L runs spread over all cores.
 
-        Those of a single joint or of a planar pair share lanes over all logs that have the same instants; how many cores
-        there are makes no difference to that.
+        Those of a single joint or of a planar pair share lanes over all logs that have the same instants; how many
+        cores there are makes no difference to that.
         """
         command, neighbour, bounds, starts, parameters, pair = (arguments[i] for i in (1, 5, 7, 8, 9, 11))
         count, logs, joints = len(parameters), len(bounds) - 1, command.shape[1]
@@ -313,10 +314,10 @@ class Kernel:
             parted = np.any(arguments[10][:, :, [effect.parts_the_arm for effect in self.effects]], axis=(1, 2))
             ends = [0, *(np.flatnonzero(np.diff(parted)) + 1).tolist(), count]  # stiff ones are quicker by themselves
             wide, runs = self.of_pairs, []
-            for own in same_instants(arguments[0], bounds):
-                for first, last in pairwise(ends):
-                    spans = shares(own[1] * (last - first), wide.lanes // 2)
-                    runs += [(*own, own[1] * first + a, own[1] * first + b) for a, b in spans]
+            for first, several in same_instants(arguments[0], bounds):
+                parts = [(log * count + a, log * count + b) for log in range(several) for a, b in pairwise(ends)]
+                for a, b in parts if len(ends) > 2 else [(0, several * count)]:
+                    runs += [(first, several, a + c, a + d) for c, d in shares(b - a, wide.lanes // 2)]
             each(lambda run: wide._in_lanes(*arguments, nothing, *run), runs)
         else:
             each(lambda run: self.module.batch(*arguments, run, run + 1), range(count * logs))
@@ -378,7 +379,7 @@ def _source(kernel: Kernel) -> str:
     slots = ("command", "gain", "torque", "arm", "drag", "friction", "sensor")
     calls: dict[str, list[str]] = {slot: [] for slot in slots}
     loops: dict[str, list[str]] = {slot: [] for slot in slots if slot != "sensor"}
-    lanes = {
+    lines = {
         "command": "S[given + l] = {f}(S[given + l], now, S[Q_ + l], S[DQ_ + l], S[W_ + l], {p})",
         "gain": "S[SUM_ + l] *= {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {p})",
         "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
@@ -408,49 +409,56 @@ def _source(kernel: Kernel) -> str:
         start = kernel.offsets[effect.name]
         line = call[slot_of(effect)].format(f=name, o=start, e=start + effect.size)
         calls[slot_of(effect)].append(f"    if on[{column}]:\n        {line}")
-        if slot_of(effect) in lanes:
+        if slot_of(effect) in lines:
             own, places = f"p[l, {start}:{start + effect.size}]", range(start, start + effect.size)
             seen = "_seen(S, l, xs, rigid)" if effect.has_neighbour else "xs"
-            line = lanes[slot_of(effect)].format(f=name, p=own, x=seen)
+            line = lines[slot_of(effect)].format(f=name, p=own, x=seen)
             loop = f"elif to[{column}]:\n            for l in range(since[{column}], to[{column}]):\n"
             loop += f"                if on[l, {column}]:\n"
             loop += " " * 20 + line
-            if effect.slot == "command" or any(own in text for own in IN_LANES.values()):  # worth the machine code of a loop without branches
-                line = lanes[slot_of(effect)].format(
+            if effect.slot == "command" or any(own in text for own in IN_LANES.values()):
+                # worth the machine code of a loop without branches
+                line = lines[slot_of(effect)].format(
                     f=name, p=f"({''.join(f'S[{lane_row(c, kernel.lanes)} + l], ' for c in places)})", x=seen
                 )
-                loop = (
-                    f"if all_on[{column}]:\n            for l in range(LANES):\n                {line}\n        {loop}"
-                )
+                if kernel.lanes == LANES:
+                    every = f"if all_on[{column}]:\n            for l in range(LANES):\n                {line}\n"
+                else:  # all lanes of one joint or of both
+                    every = f"if whole[{column}]:\n"
+                    for half, begins in (("HALF", f"since[{column}] == 0"), ("HALF, LANES", f"to[{column}] == LANES")):
+                        every += f"            if {begins}:\n                for l in range({half}):\n"
+                        every += f"                    {line}\n"
+                loop = f"{every}        {loop}"
             loops[slot_of(effect)].append(loop.removeprefix("el"))
     template = _TEMPLATE
-    for slot, lines in calls.items():
+    for slot, guarded in calls.items():
         columns = [c for c, effect in enumerate(kernel.effects) if slot_of(effect) == slot]
-        template = template.replace(f"    #{slot}#", "\n".join(lines) or "    pass")
+        template = template.replace(f"    #{slot}#", "\n".join(guarded) or "    pass")
         template = template.replace(f"#any_{slot}#", any_of(columns))
     drawing = [c for c, e in enumerate(kernel.effects) if slot_of(e) == "command" and e.has_motor_torque]
     template = template.replace("#any_drawing#", any_of(drawing))
     minding = [c for c, e in enumerate(kernel.effects) if e.has_neighbour]
     template = template.replace("#any_minding#", any_of(minding))
-    for slot, lines in loops.items():
-        template = template.replace(f"#{slot}_lanes#", "\n        ".join(lines) or "pass")
+    for slot, looped in loops.items():
+        template = template.replace(f"#{slot}_lanes#", "\n        ".join(looped) or "pass")
     for symbol, array, count in (
         ("union", "union", len(kernel.effects)),
         ("common", "common", len(kernel.effects)),
     ):
         values = ", ".join(f"{array}[{i}]" for i in range(count))
         template = template.replace(f"#{symbol}#", f"({values},)")
-    constants = [f"{row}_ = {place} * {kernel.lanes}" for place, row in enumerate(LANE_ROWS)]
-    constants += [f"LANES, ROWS, STATES = {kernel.lanes}, {len(LANE_ROWS) + kernel.columns}, {LANE_ROWS.index('MOBILITY')}"]
-    constants += [f"HALF = {kernel.lanes // 2}"]
+    lanes, standing = kernel.lanes, partial(lane_row, lanes=kernel.lanes)
+    constants = [f"{row}_ = {place} * {lanes}" for place, row in enumerate(LANE_ROWS)]
+    constants += [f"LANES, ROWS, STATES = {lanes}, {len(LANE_ROWS) + kernel.columns}, {LANE_ROWS.index('MOBILITY')}"]
+    constants += [f"HALF = {lanes // 2}"]
     constants += [f"RATES = {LANE_ROWS.index('FIRST_Q') - LANE_ROWS.index('DQS')}"]
-    constants += [f"{row}_ = {lane_row(NOMINAL.index(row.lower()), kernel.lanes)}" for row in STANDING]
+    constants += [f"{row}_ = {standing(NOMINAL.index(row.lower()))}" for row in STANDING]
     constants += [f"FIRST_PARAMETER = {len(LANE_ROWS)}"]
     rippling = kernel.offsets.get("torque_ripple_reciprocal", 0)
-    constants += [f"RIPPLE_{part}_ = {lane_row(rippling + i, kernel.lanes)}" for i, part in enumerate(("SINE", "COSINE", "CYCLES"))]
+    constants += [f"RIPPLE_{part}_ = {standing(rippling + i)}" for i, part in enumerate(("SINE", "COSINE", "CYCLES"))]
     constants += [f"ELECTRICAL_RATE, MOBILITY, STEP = {kernel.columns}, {kernel.columns + 1}, {kernel.columns + 2}"]
     yielding = kernel.offsets.get("constrained_coulomb_friction", 0)
-    constants += [f"YIELD_{part}_ = {lane_row(yielding + i, kernel.lanes)}" for i, part in enumerate(("LEVEL", "TIME", "SHARE"))]
+    constants += [f"YIELD_{part}_ = {standing(yielding + i)}" for i, part in enumerate(("LEVEL", "TIME", "SHARE"))]
     for effect_name, symbol in STRUCTURAL.items():
         constants.append(f"{symbol} = {kernel.switches.get(effect_name, -1)}")
         constants.append(f"{symbol}_P = {kernel.offsets.get(effect_name, 0)}")
@@ -1332,7 +1340,7 @@ def _through(v, rise, share, now, h, q, dq, w, lag, p, on, commands, euler):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _commanded_lanes(S, p, on, all_on, since, to, now):
+def _commanded_lanes(S, p, on, all_on, whole, since, to, now):
     """`_through` of all lanes at once, up to the low-pass, where none draws a current that the command sets at once:
     the laws of the command for its mean, or before a jump, and at the ends of the step, or behind the jump."""
     still = True
@@ -1619,7 +1627,10 @@ def _parted_lane(S, l, p, on):
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
     """Parameters p (n, columns + 3), first states S, which slots have any effect and whether there is a spring or a
-    play; returns how many of these, and whether any has several forms of a load that is picked up. Spare lanes stay zero. The log of a lane begins at row begins[l] of u (T,)."""
+    play; returns how many of these, and whether any has several forms of a load that is picked up.
+
+    Spare lanes do nothing. The log of a lane begins at row begins[l] of u (T,).
+    """
     n, springs, plays, several = len(P), 0, 0, False
     resolved = _resolved(P, h)
     for l in range(LANES):
@@ -1674,8 +1685,8 @@ def _seen(S, l, xs, rigid):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, shared, weighs, motor, rippled,
-                 limited, warm, ends, rigid, hanging, several, begins):
+def _rates_lanes(S, p, on, any_on, all_on, whole, since, to, has, parted, xs, n, split, shared, weighs, motor,
+                 rippled, limited, warm, ends, rigid, hanging, several, begins):
     """Time derivatives of LANES candidates at once: the same equations as `_rates`, row by row.
 
     has: slots that any of them fills. shared: whether friction acts on an arm behind a spring or a play, too. begins:
@@ -2098,6 +2109,10 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     union, common = to > 0, switches[0].copy()
     for l in range(n):
         common &= switches[l]
+    whole = (since % HALF == 0) & (to % HALF == 0) & (to > 0)  # of every half of the lanes all or none
+    for column in range(switches.shape[1]):
+        for l in range(since[column], to[column]):
+            whole[column] = whole[column] and switches[l, column]
     all_on = #common#
     any_on = #union#  # numbers instead of an array: the compiler keeps them at hand
     S, p, parted = np.zeros(ROWS * LANES), np.zeros((n, STEP + 1)), np.zeros(n, dtype=np.bool_)
@@ -2117,14 +2132,14 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     for l in range(n):
         at_once = at_once or (_drawing(on[l]) and p[l, ELECTRICAL] <= 0.0 and not (LAG >= 0 and on[l, LAG]))
         lags = lags or S[LAGGED_ + l] > 0.0
-    direct = hold[0] == 0 and not altered
+    prompt = hold[0] == 0  # held until the next sample, and not late
     lagging, limited = 0, False
     for l in range(n):
         if p[l, GRAVITY_SINE] != 0.0 or p[l, GRAVITY_COSINE] != 0.0:
             weighs, hanging = HEAVY, True
         elif p[l, LOAD] != 0.0:
             weighs = max(weighs, LIGHT)
-        direct = direct and S[LATE_ + l] == 0.0
+        prompt = prompt and S[LATE_ + l] == 0.0
         lagging += p[l, ELECTRICAL] > 0.0
         limited = limited or p[l, LIMIT] > 0.0
     if shared:
@@ -2145,11 +2160,12 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     lo, joints = begins[0], 1 if rigid is None else 2
     if rigid is not None:  # gravity of a pair is not that of its joints
         weighs = LIGHT if weighs else 0
-        direct = direct and hold[1] == 0
+        prompt = prompt and hold[1] == 0
         for l in range(HALF):
             S[LAG_ + HALF + l] = u[begins[l], 1]
             S[COUPLING_ + l], S[RATIO_ + l], S[SHARED_ + l] = rigid[l, 0], rigid[l, 1], rigid[l, 2]
             S[COUPLED_ + l] = rigid[l, 0]
+    direct = prompt and not altered
     with_x, with_extra = x.shape[0] > 0, extra_in.shape[0] > 0
     lasted = np.full(LANES, T)
     resting = stopped = False
@@ -2222,7 +2238,10 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                 for l in range(LANES):
                     S[U_ + l] = S[COMMAND_ + l]
             else:
-                for l in range(n):
+                if prompt:
+                    for l in range(LANES):
+                        S[MEAN_ + l], S[RISE_ + l], S[TURNED_ + l] = S[COMMAND_ + l], 0.0, 0.0
+                for l in range(0 if prompt else n):
                     if l == 0 or S[LATE_ + l] != late or origin[l] != origin[l - 1] or (
                             rigid is not None and l == HALF):
                         late, joint = S[LATE_ + l], joints * l // LANES
@@ -2232,7 +2251,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                     S[MEAN_ + l], S[RISE_ + l] = mean, 0.0 if euler and not altered else rise
                     S[TURNED_ + l] = turned
                 if has[0] and not at_once:
-                    _commanded_lanes(S, p, on, all_on, since, to, now)
+                    _commanded_lanes(S, p, on, all_on, whole, since, to, now)
                 for l in range(n if has[0] and at_once else 0):
                     if not (own[l, 0] or S[LAGGED_ + l] > 0.0):
                         S[RISE_ + l] = 0.0 if euler else S[RISE_ + l]
@@ -2289,8 +2308,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                         for l in range(LANES):
                             place = (h - S[LEFT_ + l] + S[AHEAD_ + l]) * per_step - 0.5
                             S[U_ + l] = S[MEAN_ + l] + S[RISE_ + l] * place
-                    _rates_lanes(S, p, on, any_on, all_on, since, to, has, parted, xs, n, split, shared, weighs, motor,
-                                 rippled, limited, warm, ends, rigid, hanging, several, stage == 0)
+                    _rates_lanes(S, p, on, any_on, all_on, whole, since, to, has, parted, xs, n, split, shared, weighs,
+                                 motor, rippled, limited, warm, ends, rigid, hanging, several, stage == 0)
                     if stage == 0:
                         for l in range(n):
                             if S[SPAN_ + l] > 0.0:
@@ -2446,29 +2465,29 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
 def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, rigid, leak, rate_leak, substeps, out,
                motion, log, logs, first, last):
     """Runs first to last of all those of a planar pair's candidates, without neighbours, on so many logs from `log` on,
-    which have the same instants as far as they go: a candidate on all logs, then the next one. As `batch_one`.
+    which have the same instants as far as they go, as `batch_one`.
 
     Lanes that are left over repeat the last run.
     """
-    dt = t[bounds[log] + 1] - t[bounds[log]]
+    count, dt = len(P), t[bounds[log] + 1] - t[bounds[log]]
     row, own = np.zeros((LANES, P.shape[3])), np.zeros((LANES, on.shape[2]), dtype=np.bool_)
     begin, constants, errors = np.zeros((LANES, starts.shape[3])), np.zeros((HALF, 3)), np.zeros((LANES, len(t)))
     rows, begins, lengths = np.arange(LANES), np.zeros(LANES, dtype=np.int64), np.zeros(LANES, dtype=np.int64)
     outer = np.zeros((LANES if extra.shape[0] > 0 else 0, len(t) if extra.shape[0] > 0 else 0))
     a = first
     while a < last:
-        c, its_log = a // logs, log + a % logs
+        c, its_log = a % count, log + a // count
         steps, stepping = _steps(P[c, its_log], on[c], dt, substeps), P[c, its_log, 0, STEPPING] > 0.0
         b = a + 1
         while b < last and b < a + HALF:
-            c, its_log = b // logs, log + b % logs
+            c, its_log = b % count, log + b // count
             if (P[c, its_log, 0, STEPPING] > 0.0) != stepping or _steps(P[c, its_log], on[c], dt, substeps) != steps:
                 break
             b += 1
-        longest = log + a % logs
+        longest = log + a // count
         for l in range(LANES):
             item, joint = min(a + l % HALF, b - 1), l // HALF
-            c, its_log = item // logs, log + item % logs
+            c, its_log = item % count, log + item // count
             row[l], own[l], begin[l] = P[c, its_log, joint], on[c, joint], starts[c, its_log, joint]
             _as_weight(row[l], own[l])
             constants[l % HALF] = rigid[c]
@@ -2481,7 +2500,7 @@ def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair,
         run_lanes(t[bounds[longest] : bounds[longest + 1]], u, cumulative, hold, y, np.zeros((0, 3)), outer, rows,
                   begins, lengths, begin, row, own, leak, rate_leak, steps, errors, motion, constants)
         for item in range(a, b):
-            c, its_log = item // logs, log + item % logs
+            c, its_log = item % count, log + item // count
             lo, hi = bounds[its_log], bounds[its_log + 1]
             for joint in range(2):
                 out[c, lo:hi, joint] = errors[item - a + joint * HALF, lo:hi]

@@ -10,14 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, fit
+from diagnosis.estimation import Fitted, Point, fit
 from diagnosis.problem import Problem
+from methods.parallel import each
 
 WIDTHS = (0.001, 0.1)
 """Least and largest rms of a hop, as a share of each parameter; drawn anew for every hop, their logarithm uniformly."""
+ABREAST = 2
+"""Hops from one optimum that are made at the same time."""
 PATIENCE = 6
 """Hops without gain after which the best optimum counts as found."""
 HOPS = 24
@@ -43,13 +47,18 @@ def hopped(problem: Problem, fitted: Fitted) -> tuple[Fitted, tuple[Optimum, ...
     generator = np.random.default_rng(0)
     lasting = np.array([f.log < 0 for f in fitted.point.free])  # not what is of one log: its initial state
     best, found, since = fitted, [Optimum.of(fitted)], 0
-    while since < PATIENCE and len(found) <= HOPS:
+
+    def beside(best: Fitted) -> Point:
         width = np.exp(generator.uniform(*np.log(WIDTHS)))
         moved = best.point.vector * (1.0 + width * lasting * generator.standard_normal(len(lasting)))
-        other = fit(problem, best.point.within(moved), best.whitener, rounds=1)
-        since = 0 if other.criterion < best.criterion else since + 1
-        best = min(best, other, key=lambda option: option.criterion)
-        found.append(Optimum.of(other))
+        return best.point.within(moved)
+
+    while since < PATIENCE and len(found) <= HOPS:
+        hop = partial(fit, problem, filter_=best.whitener, rounds=1)
+        for other in each(hop, [beside(best) for _ in range(ABREAST)]):
+            since = 0 if other.criterion < best.criterion else since + 1
+            best = min(best, other, key=lambda option: option.criterion)
+            found.append(Optimum.of(other))
     return best, tuple(found)
 
 

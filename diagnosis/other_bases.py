@@ -33,6 +33,8 @@ TWIN = 0.5
 """The same for the leading law on the other joint of an arm."""
 LIMITED = 0.25
 """The same for torque limits that act or do not."""
+BRIEF = 3
+"""Steps after which the closest of several starts is carried on."""
 
 
 def also_without_limits(
@@ -110,8 +112,11 @@ def also_from_regression(
 
     def carried_on(item: tuple[Point, list[Start]]) -> Scored | None:
         point, alike = item
-        fits = [to_errors(problem, extend(problem, point, start.hypothesis, start.values)) for start in alike]
-        found = min(fits, key=lambda fitted: float(np.sum(fitted.error[problem.used] ** 2)))
+        points = [extend(problem, point, start.hypothesis, start.values) for start in alike]
+        if len(points) > 1:
+            fits = [to_errors(problem, begun, BRIEF) for begun in points]
+            points = [min(fits, key=lambda fitted: float(np.sum(fitted.error[problem.used] ** 2))).point]
+        found = to_errors(problem, points[0])
         if unfitted(problem, base, found.point, found.error).criterion > limit:
             return None
         return score(problem, base, alike[0], to_innovations(problem, found))

@@ -42,9 +42,9 @@ def either_way(problem: Problem, point: Point) -> Fitted:
     return min(each(lambda way: way(problem, point), ways), key=lambda fitted: fitted.criterion)
 
 
-def to_errors(problem: Problem, point: Point) -> Fitted:
+def to_errors(problem: Problem, point: Point, iterations: int = 10) -> Fitted:
     """Fit to the errors as they are."""
-    return fit(problem, point, unfiltered(problem), rounds=1, iterations=10, renewed=False)
+    return fit(problem, point, unfiltered(problem), rounds=1, iterations=iterations, renewed=False)
 
 
 def to_innovations(problem: Problem, fitted: Fitted) -> Fitted:

@@ -238,7 +238,7 @@ def diagnose(
                 budget_said,
             )
             notes = (scale_said(result), instants_said(result), *(said(solved, j) for said in solved_notes))
-            findings += filter(None, notes)
+            findings += [*filter(None, notes), *doubts(solved, j, result.effects)]
         if solved.rest:
             rests.setdefault(solved.rest, []).append(group[0])
         findings += [failure_said(group[j], failure) for j, failure in solved.failing.items()]
@@ -450,6 +450,25 @@ def is_dated(event: NamedEffect, longest: float) -> bool:
     return instant.std < DATED * longest
 
 
+def doubts(solved: Solved, j: int, named: Sequence[NamedEffect]) -> list[str]:
+    """What speaks against the effects of joint index j being what they are named: the logs determine nothing of one, or
+    not when an event was."""
+    found = []
+    items = (item for item in solved.finding.accepted if item.joint == j)
+    for item, effect in zip(items, named, strict=True):
+        if not is_determined(effect):
+            found.append(
+                f"these logs determine no parameter of the {title(effect.name)}: it may stand for another effect"
+            )
+        elif item.effect.scan == "event" and not is_dated(effect, solved.problem.longest):
+            (instant,) = (p.physical for p in effect.parameters if p.name == "time")
+            found.append(
+                f"the instant of the {title(effect.name)} is uncertain by {instant.std:.2g} s: an event at no "
+                "certain instant stands for something that goes on all the time"
+            )
+    return [f"joint {solved.joints[j]}: {said}" for said in found]
+
+
 REST_OF_THE_ARM = (
     "what the motion of the other joints does is taken from the description and the measured motion; the extended "
     "model and its MJCF leave it out"
@@ -610,10 +629,6 @@ def joint_result(
     numbers["damping"] = sum(numbers.get(name, 0.0) for name in DAMPING)
     items = [item for item in finding.accepted if item.joint == j]
     named = tuple(named_effect(solved, item, spread, joint, units) for item in items)
-    are_known = all(
-        is_determined(effect) and (item.effect.scan != "event" or is_dated(effect, solved.problem.longest))
-        for item, effect in zip(items, named, strict=True)
-    )
     left = finding.remainders[j]
     said = solved.verdict if len(solved.joints) == 1 or solved.verdict == "unknown" or named else "none"
     visible, confusable = isolability(solved.problem, finding, j, joint, applying(effects, solved.structures), settings)
@@ -624,7 +639,7 @@ def joint_result(
         position_unit=units.position,
         torque_unit=units.torque,
         input_equivalent=units.per_torque,
-        verdict=said if are_known else "unknown",
+        verdict="unknown" if doubts(solved, j, named) else said,
         effects=named,
         nominal=nominal_parameters(
             finding.nominal, finding.final, (covariance(finding.nominal), spread), j, units, numbers if given else {}

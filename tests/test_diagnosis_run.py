@@ -57,6 +57,7 @@ from diagnosis.run import (
     arm_said,
     check_turns,
     diagnose,
+    doubts,
     is_dated,
     is_determined,
     joint_title,
@@ -1068,6 +1069,13 @@ def test_an_event_that_may_have_been_at_any_time_is_not_named() -> None:
     assert is_determined(collision(5.2))
     assert not is_dated(collision(5.2), 6.0)
     assert is_dated(collision(0.1), 6.0)
+
+    accepted = SimpleNamespace(joint=0, effect=SimpleNamespace(scan="event"))
+    known = {"finding": SimpleNamespace(accepted=[accepted]), "problem": SimpleNamespace(longest=6.0)}
+    solved = cast(Solved, SimpleNamespace(joints=(1,), **known))
+    assert doubts(solved, 0, [collision(0.1)]) == []
+    (said,) = doubts(solved, 0, [collision(5.2)])
+    assert said.startswith("joint 1: the instant of the collision is uncertain by 5.2 s: ")
 
 
 def test_a_sidecar_is_that_of_all_logs_that_have_none(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from diagnosis.remainder import AMPLIFIER, DISTURBANCE
 
 LENGTH = 60_000
-"""Samples of all logs with which one simulation counts as one of the budget."""
+"""Steps of a simulation of all logs that counts as one of the budget: one per sample, or per several of them."""
 SHORTEST = 0.05
 """What one of short logs counts."""
 SHARES = 4
@@ -40,7 +40,8 @@ class Settings:
     follows the same signal. inexact: share of what was explained above
     which no such excuse holds, unless the torque stays below `seen`: rounding is not quite noise.
     budget: simulations of all logs, of each joint by itself, after which no other ways are tried; after twice as many
-    no further effects are sought. It is that of logs with `LENGTH` samples; of others more or fewer, in proportion.
+    no further effects are sought. It is that of simulations of `LENGTH` steps; of others more or fewer, in
+    proportion.
     """
 
     threshold: float = 12.0

@@ -77,7 +77,7 @@ class Stamps:
 
 @dataclass
 class Work:
-    """Samples that candidates were simulated for, so far: the same on any machine."""
+    """Steps of all simulations of candidates so far, one per sample or per several: the same on any machine."""
 
     samples: int = 0
     _adding: threading.Lock = field(default_factory=threading.Lock, repr=False)

@@ -58,13 +58,14 @@ def test_every_few_samples_are_predicted_as_all_are() -> None:
     assert np.max(np.abs(few - whole[rows])) < 2e-4 * np.std(problem.reading)
 
 
-def test_a_simulation_in_long_steps_counts_as_one_of_all_samples() -> None:
+def test_a_simulation_counts_as_many_steps_as_it_takes() -> None:
     problem = problem_of()
-    point = fit_nominal(problem, STRUCTURE).point
-    for own in (problem, coarser(problem, 16)):
+    point, coarse = fit_nominal(problem, STRUCTURE).point, coarser(problem, 16)
+    for own, steps in ((problem, len(problem.time)), (coarse, len(problem.time) / coarse.thinning)):
         before = own.work.samples
         errors(own, [point])
-        assert own.work.samples - before == pytest.approx(len(problem.time), rel=1e-3)
+        assert own.work.samples - before == pytest.approx(steps, rel=1e-3)
+    assert coarse.thinning > 1
 
 
 @pytest.mark.parametrize(

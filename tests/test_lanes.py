@@ -225,6 +225,61 @@ def test_planar_pairs_in_lanes_are_one_at_a_time_bit_by_bit(effects: int, seed: 
     assert np.max(np.abs(lanes)) > 0.1
 
 
+def test_planar_pairs_on_logs_with_the_same_instants_share_lanes() -> None:
+    lengths, count, rng = (300, 700, 451, 400), LANES + 3, np.random.default_rng(13)
+    steps = (1.0, 1.0, 1.0, 0.9)  # the last one's are others
+    time = np.concatenate([0.002 * step * np.arange(n) for step, n in zip(steps, lengths, strict=True)])
+    bounds = np.cumsum([0, *lengths])
+    command = 6.0 * np.sin(np.outer(time, (9.0, 7.0)) + (np.arange(len(time)) // 350)[:, None])
+    cumulative, reading = np.zeros_like(command), 0.5 * np.sin(np.outer(time, (9.0, 7.0)))
+    for a, b in pairwise(bounds):
+        cumulative[a + 1 : b] = np.cumsum(command[a : b - 1], axis=0)
+    one, switches, _, rigid = pairs(count, 12, 2)
+    for c, columns in enumerate(transmissions(count, 3)):  # those with a spring or a play run by themselves
+        for j, column in enumerate(columns if c % 3 == 0 else ()):
+            if column >= 0:
+                switches[c, j, column] = True
+                one[c, :, j, KERNEL.own(KERNEL.effects[column])] = next(iter(KERNEL.effects[column].starts(SIZES)))
+    parameters = np.concatenate([one, one], axis=1) * rng.uniform(0.9, 1.0, (count, 4, 1, 1))
+    parameters[4, 1, 0, 0] = -1e-4  # runs away
+    starts, extra = rng.normal(0.0, 0.1, (count, 4, 2, len(BEGINNING))), rng.normal(size=(count, len(time), 2))
+    signals, none = (time, command, cumulative, np.zeros(2, dtype=np.int64), reading), np.zeros((0, 2, 3))
+    lanes, alone = np.empty((2, count, len(time), 2))
+    tail = (20.0, 0.0, 1)
+    KERNEL.batch(*signals, none, extra, bounds, starts, parameters, switches, True, rigid, *tail, lanes)
+    for c in range(count):
+        for log, (a, b) in enumerate(pairwise(bounds)):
+            cut = (*(x[a:b] for x in signals[:3]), signals[3], reading[a:b], none, extra[c, a:b], starts[c, log])
+            model = (parameters[c, log], switches[c], True, rigid[c])
+            KERNEL.module.run(*cut, *model, *tail, alone[c, a:b], none)
+    assert np.array_equal(lanes, alone)
+    assert np.any(lanes == 1e6)
+
+
+WITHOUT_TRACE = ("timestamp_jitter", "link_load_dependent_friction")
+"""What does nothing to a pair that lies and whose clock is even."""
+ON_ONE_JOINT = [e.name for e in KERNEL.effects if e.name not in WITHOUT_TRACE and not e.parts_the_arm]
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("name", ON_ONE_JOINT)
+def test_an_effect_on_one_joint_of_all_pairs_and_of_some(name: str, joint: int) -> None:
+    """In all lanes of that joint, where it may have machine code of its own, and in some of them."""
+    count = LANES + 3
+    parameters, switches, starts, rigid = pairs(count, 5, 0)
+    with_it = with_effect(name, count, 5)[0]
+    effect = next(effect for effect in KERNEL.effects if effect.name == name)
+    parameters[:, :, joint, KERNEL.own(effect)] = with_it[:, :, 0, KERNEL.own(effect)]
+    switches[:, joint, KERNEL.switches[name]] = True
+    lanes, alone = of_pairs(parameters, switches, starts, rigid)
+    assert np.array_equal(lanes, alone)
+    switches[::2, joint, KERNEL.switches[name]] = False
+    some, plain = of_pairs(parameters, switches, starts, rigid)
+    assert np.array_equal(some, plain)
+    assert np.array_equal(some[1::2], lanes[1::2])
+    assert not np.array_equal(some[::2], lanes[::2])
+
+
 @pytest.mark.parametrize("parted", [False, True])
 @pytest.mark.parametrize("name", ["payload_change_carried", "payload_change_hung", "gravity_tilt"])
 def test_what_acts_on_both_joints_of_a_pair(name: str, parted: bool) -> None:

@@ -261,8 +261,7 @@ WITHOUT_TRACE = ("timestamp_jitter", "link_load_dependent_friction")
 ON_ONE_JOINT = [e.name for e in KERNEL.effects if e.name not in WITHOUT_TRACE and not e.parts_the_arm]
 
 
-@pytest.mark.parametrize("joint", [0, 1])
-@pytest.mark.parametrize("name", ON_ONE_JOINT)
+@pytest.mark.parametrize(("name", "joint"), [(name, i % 2) for i, name in enumerate(ON_ONE_JOINT)])
 def test_an_effect_on_one_joint_of_all_pairs_and_of_some(name: str, joint: int) -> None:
     """In all lanes of that joint, where it may have machine code of its own, and in some of them."""
     count = LANES + 3

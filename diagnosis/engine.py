@@ -782,7 +782,7 @@ class Search:
         """Simulations so far over the budget; two joints that move together take twice as long for one, and long logs
         longer."""
         length = len(self.problem.time)
-        simulations = self.problem.joints * self.problem.work.samples / length
+        simulations = self.problem.joints * self.problem.work.steps / length
         return simulations / max(self.settings.budget, 1) * max(length / LENGTH, SHORTEST)
 
     @property

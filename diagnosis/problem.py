@@ -79,12 +79,12 @@ class Stamps:
 class Work:
     """Steps of all simulations of candidates so far, one per sample or per several: the same on any machine."""
 
-    samples: int = 0
+    steps: int = 0
     _adding: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
-    def add(self, samples: int) -> None:
+    def add(self, steps: int) -> None:
         with self._adding:
-            self.samples += samples
+            self.steps += steps
 
 
 @dataclass(frozen=True, eq=False)

@@ -2248,8 +2248,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                         a, b = origin[l], origin[l] + ends_at[l]
                         mean, rise, turned = _amplifier(min(k, ends_at[l] - 1), i, substeps, late / dt, hold[joint],
                                                         u[a:b, joint], cumulative[a:b, joint])
-                    S[MEAN_ + l], S[RISE_ + l] = mean, 0.0 if euler and not altered else rise
-                    S[TURNED_ + l] = turned
+                    S[MEAN_ + l], S[RISE_ + l], S[TURNED_ + l] = mean, rise, turned
                 if has[0] and not at_once:
                     _commanded_lanes(S, p, on, all_on, whole, since, to, now)
                 for l in range(n if has[0] and at_once else 0):

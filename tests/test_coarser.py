@@ -62,9 +62,9 @@ def test_a_simulation_counts_as_many_steps_as_it_takes() -> None:
     problem = problem_of()
     point, coarse = fit_nominal(problem, STRUCTURE).point, coarser(problem, 16)
     for own, steps in ((problem, len(problem.time)), (coarse, len(problem.time) / coarse.thinning)):
-        before = own.work.samples
+        before = own.work.steps
         errors(own, [point])
-        assert own.work.samples - before == pytest.approx(steps, rel=1e-3)
+        assert own.work.steps - before == pytest.approx(steps, rel=1e-3)
     assert coarse.thinning > 1
 
 

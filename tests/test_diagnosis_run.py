@@ -13,6 +13,7 @@ from types import SimpleNamespace
 from typing import cast
 
 import mujoco
+import numba
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -25,7 +26,7 @@ from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.ledger import closed, failures, floor_of, grown
 from diagnosis.nominal import COLUMN, Gravity, JointStructure, fit_nominal
-from diagnosis.output import to_json
+from diagnosis.output import as_dict, to_json
 from diagnosis.parameters import HEAT, REFERENCE, canonical, heat
 from diagnosis.planar_arm import in_commands, planar_pair
 from diagnosis.preparation import (
@@ -148,6 +149,25 @@ def test_a_drive_that_controls_current_makes_up_for_its_supply(command: InputKin
 def with_friction() -> tuple[Recordings, Diagnosis, StructuredModel, object]:
     read = read_of(model_of(FRICTION))
     return read, *diagnose(read, effects=effects_of("coulomb_friction", "dead_zone", "cable_spring"))
+
+
+def test_a_diagnosis_is_the_same_bit_by_bit_with_any_number_of_threads(
+    with_friction: tuple[Recordings, Diagnosis, StructuredModel, object],
+) -> None:
+    read, *_ = with_friction
+    before, found = numba.get_num_threads(), []
+    for threads in (1, numba.config.NUMBA_NUM_THREADS):
+        numba.set_num_threads(threads)
+        try:
+            diagnosis, model, _ = diagnose(read, effects=effects_of("coulomb_friction", "dead_zone", "cable_spring"))
+        finally:
+            numba.set_num_threads(before)
+        data = as_dict(diagnosis)
+        del data["provenance"]["seconds"]
+        for row in data["ledger"]:
+            del row["microseconds"]
+        found.append((data, model.to_json()))
+    assert found[0] == found[1]
 
 
 # ------------------------------------------------------------------------------------------------------ files to files

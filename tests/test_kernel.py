@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 
@@ -22,7 +23,7 @@ def test_a_batch_is_its_members_bit_by_bit_with_any_number_of_threads():
     rng = np.random.default_rng(1)
     robots = [adeptone().sample(rng) for _ in range(5)]
     start = START + rng.uniform(-0.05, 0.05, (5, 4))
-    together = simulate(robots, commands(), 1e-3, position=start)
+    together = simulate(robots, commands(), 1e-3, position=start, threads=numba.config.NUMBA_NUM_THREADS)
     for member, robot in enumerate(robots):
         alone = simulate(robot, commands()[member], 1e-3, position=start[member], threads=1)
         assert np.array_equal(alone.position[0], together.position[member])

@@ -226,7 +226,8 @@ def general(
     inexact, any law that shapes the fitted motion a little finds some. So does one beside torques of the rest of an
     arm, which are as inexact as the measured motion: it also has to bring free simulations closer, unless without it a
     stated number would be wrong beyond what it costs. What it gains has to be of the motion, too, and more than a trace
-    of the nominal model's errors, unless no law beside it could be inexact by that.
+    of the nominal model's errors, unless its torque is more than inexact laws err by, or no law beside it could be
+    inexact by that.
     """
     explained = nominal.criterion - base.criterion
     small = settings.doubtful * explained
@@ -258,6 +259,7 @@ def general(
                 len(accepted) < 2
                 or item.effect.scan == "event"
                 or loss > settings.unexplained * explained
+                or (not is_weak and item.material > settings.relevant)
                 or (not is_weak and all(tells_no_amplifier(item.effect, other) for other in others))
                 or moved_by(held_out, before(), there, less) > settings.trace
             )

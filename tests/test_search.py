@@ -1999,6 +1999,7 @@ def test_a_trace_of_an_effect_beside_a_large_one_is_put_down_to_its_law(drag: fl
     nominal = fit_nominal(problem, (JointStructure(),))
     large = accepted(problem, nominal, "coulomb_friction", [0.3])
     small = accepted(problem, large.scored.fitted, "quadratic_drag", [drag * WEAK])
+    small = replace(small, material=materiality(problem, small.scored.fitted, "quadratic_drag", 0))
     assert small.scored.evidence > 2.0 * Settings().weak
     settings = replace(Settings(), doubtful=1.0, unexplained=share)
     found = general(problem, held_out, nominal, [large, small], small.scored.fitted, settings)[0]
@@ -2018,6 +2019,25 @@ def test_a_trace_of_an_eccentric_disc_is_told_beside_a_lag() -> None:
     there, less = (elsewhere(held_out, fitted) for fitted in (base, large.scored.fitted))
     assert moved_by(held_out, before, there, less) < Settings().trace
     assert general(problem, held_out, nominal, [large, small], base, Settings())[0] == [large, small]
+
+
+def test_an_eccentric_disc_with_a_torque_of_its_own_is_no_trace() -> None:
+    """A pendulum hardly moves otherwise for its sensor's disc, however clearly the readings show that."""
+    hidden = {"encoder_eccentricity": {"sine": 12e-3, "cosine": 0.0}, "gravity_tilt": {"sine": 3.0, "cosine": 0.0}}
+    noise = lambda seed: 1e-3 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    problem, held_out = (stack(KERNEL, [record(hidden, noise(seed))], (1,)) for seed in (1, 2))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    large = accepted(problem, nominal, "gravity_tilt", [3.0, 0.0])
+    small = accepted(problem, large.scored.fitted, "encoder_eccentricity", [12e-3, 0.0])
+    base, settings = in_turns(problem, small.scored.fitted), replace(Settings(), doubtful=1.0, unexplained=1.0)
+    before = astray(held_out, elsewhere(held_out, nominal))
+    there, less = (elsewhere(held_out, fitted) for fitted in (base, large.scored.fitted))
+    assert moved_by(held_out, before, there, less) < settings.trace
+    assert materiality(problem, base, "encoder_eccentricity", 0) > settings.relevant
+    for material, kept in ((0.01, [large, small]), (0.005, [large])):
+        both = [large, replace(small, material=material)]
+        found = general(problem, held_out, nominal, both, base, settings)[0]
+        assert [item.name for item in found] == [item.name for item in kept]
 
 
 def test_an_effect_that_it_has_gets_other_values() -> None:

@@ -91,13 +91,22 @@ def much_closer(problem: Problem, chosen: Accepted, ranked: Sequence[Scored], se
 
     A torque that moves the joint far off what is simulated without it makes a rough ground for all other parameters.
     """
+    fitted = chosen.scored.fitted
+    found = [
+        s for s in textbook(ranked) if s.evidence > settings.threshold and comes_much_closer(problem, s.fitted, fitted)
+    ]
+    found = sorted(found, key=lambda s: size_of_errors(problem, s.fitted))
+    return [Accepted(scored, 0.0, (), chosen.considered) for scored in found]
 
-    def size(scored: Scored) -> float:
-        return float(np.sum(np.log(np.mean(scored.fitted.error[problem.used] ** 2, axis=0) + 1e-300)))
 
-    limit = size(chosen.scored) + 2.0 * np.log(CLOSER)
-    found = [s for s in textbook(ranked) if s.evidence > settings.threshold and size(s) < limit]
-    return [Accepted(scored, 0.0, (), chosen.considered) for scored in sorted(found, key=size)]
+def size_of_errors(problem: Problem, fitted: Fitted) -> float:
+    """Logarithm of the mean square of the errors as they are, summed over joints."""
+    return float(np.sum(np.log(np.mean(fitted.error[problem.used] ** 2, axis=0) + 1e-300)))
+
+
+def comes_much_closer(problem: Problem, one: Fitted, other: Fitted) -> bool:
+    """Whether the errors of one model, as they are, fall far below those of another one."""
+    return size_of_errors(problem, one) < size_of_errors(problem, other) + 2.0 * np.log(CLOSER)
 
 
 def firm_ground_first(chosen: Accepted, nearer: list[Accepted]) -> tuple[Accepted, list[Accepted]]:

@@ -17,6 +17,7 @@ from diagnosis.choice import (
     STEADY,
     choose,
     coincides,
+    comes_much_closer,
     firm_ground_first,
     is_steady,
     is_too_small,
@@ -215,13 +216,20 @@ def continued(
     search: Search, banded: tuple[Problem, Finding] | None, most: float, held_out: Problem | None
 ) -> Finding | None:
     """What the search in the whole band concludes when it goes on from what the band of the motion has shown; None
-    where nothing was shown, or it costs more than `most` there."""
+    where nothing was shown, or it ends with what costs more than `most` there."""
     path = None if banded is None else carried_over(search, banded[1], most)
     if path is None:
         return None
     search.tell("again in the whole band")
     path = search.grown(path)
-    return search.concluded(search.exchanged(path), held_out)
+    if search.cost(path) >= most:
+        return None
+    path, problem = search.exchanged(path), search.problem
+    known = (item.scored.evidence > search.settings.threshold for item in path.accepted)
+    accepted = (
+        item if told else scored_anew(problem, path.base, item) for item, told in zip(path.accepted, known, strict=True)
+    )
+    return search.concluded(replace(path, accepted=tuple(accepted)), held_out)
 
 
 def quiet(
@@ -235,8 +243,9 @@ def quiet(
 
 
 def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
-    """What was found in the band of the motion, fitted in the whole band; None where that does not cost less than
-    `most`.
+    """What was found in the band of the motion, fitted in the whole band; None where that neither costs less than
+    `most` nor brings the errors as they are far below those of the nominal model: where these drown a wave, and the
+    others are left with it, the former are the likelier ones until the wave is found, which no filter may foresee.
 
     Where no single hypothesis brings errors in the whole band down to noise, a fit there may stop at any distance of
     what the band of the motion shows at once. When commands act shows in the whole band only.
@@ -246,8 +255,10 @@ def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
         return None
     base = in_turns(problem, free_of_filter(problem, banded.final.point))
     base = timing_settled(problem, windings_settled(problem, base))
-    if not cost(problem, base, banded.accepted) < most:
-        return None
+    if cost(problem, base, banded.accepted) >= most:
+        nominal = free_of_filter(problem, search.nominal.point)
+        if not comes_much_closer(problem, base, nominal):
+            return None
     accepted = tuple(scored_anew(problem, base, item) for item in banded.accepted)
     present = frozenset(place for item in accepted for place in stood_for(item))
     equals = frozenset(near for item in banded.accepted for near in near_equals(item))

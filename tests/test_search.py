@@ -253,6 +253,38 @@ def test_saturation_by_a_power_contains_the_rational_law() -> None:
     assert power(0.0, 0.0, 0.0, 1.7, (0.3, 1.0)) == pytest.approx(rational(0.0, 0.0, 0.0, 1.7, (0.3,)))
 
 
+def test_levelling_saturation_is_a_straight_line_or_the_early_law() -> None:
+    early, levelling = (NAMED[f"torque_constant_saturation_{n}"].function for n in ("early", "levelling"))
+    assert early is not None
+    assert levelling is not None
+    for torque in (-1.7, 0.4):
+        assert levelling(0.0, 0.0, 0.0, torque, (0.3, 1.0)) == pytest.approx(early(0.0, 0.0, 0.0, torque, (0.3,)))
+        assert levelling(0.0, 0.0, 0.0, torque, (0.3, 0.0)) == pytest.approx(1.0 - 0.3 * abs(torque))
+
+
+def test_a_torque_constant_that_falls_along_a_straight_line_saturates() -> None:
+    """No form that levels off, or begins without a slope, is close enough to leave nothing."""
+    line = {"torque_constant_saturation_levelling": {"coefficient": 0.2, "levelling": 0.0}}
+    problem = problem_of(line, 1e-4 * np.random.default_rng(0).standard_normal(5000))
+    laws = ("torque_constant_saturation", "voltage_saturation", "quadratic_drag", "dead_zone", "amplifier_lag")
+    forms = [e for e in EFFECTS if e.label in laws]
+    found = find(problem, (JointStructure(),), forms)
+    assert (found.verdict, [item.name for item in found.accepted]) == ("named", list(line))
+    assert found.final.point.value("torque_constant_saturation_levelling.coefficient@0") == pytest.approx(0.2, rel=0.05)
+
+
+def test_a_play_of_no_width_is_a_spring() -> None:
+    """Which a fit may come to from a play only."""
+    spring = {"joint_flexibility": {"inertia_ratio": 0.5, "frequency": 9.0, "damping_ratio": 0.05}}
+    problem = problem_of(spring, 1e-4 * np.random.default_rng(0).standard_normal(5000))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    item = accepted(problem, nominal, "backlash", [2.0 * STEP, 0.48, 9.1, 0.06])
+    search = Search(problem, (JointStructure(),), EFFECTS, Settings(), nominal, lambda text: None)
+    path = search.advanced(search.start, item)
+    assert [item.name for item in path.accepted] == ["joint_flexibility"]
+    assert path.base.point.value("joint_flexibility.frequency@0") == pytest.approx(9.0, rel=0.01)
+
+
 def test_a_tail_turns_the_exponential_fall_of_friction_into_the_lorentzian() -> None:
     fall, tailed = (NAMED[name].function for name in ("stribeck_friction", "tailed_stribeck_friction"))
     assert fall is not None
@@ -1681,6 +1713,19 @@ def test_what_the_band_of_the_motion_has_shown_is_carried_over_with_the_timing_o
         path = carried_over(search, finding, np.inf)
         assert path is not None
         assert path.base.point.parameters[0, 0, NOMINAL.index("timing")] == pytest.approx(shift, abs=0.02 * DT)
+
+
+@pytest.mark.parametrize(("weight", "kept"), [(3.0, True), (1e-4, False)])
+def test_what_brings_the_errors_far_down_is_carried_over_though_noise_seems_to_explain_more(
+    weight: float, kept: bool
+) -> None:
+    """A wave that the model without it drowns, and the one with it leaves, is no noise."""
+    hidden = {"gravity_tilt": {"sine": weight, "cosine": 0.0}}
+    problem = problem_of(hidden, 1e-3 * np.random.default_rng(0).standard_normal(5000))
+    search = Search.begin(problem, (JointStructure(),), [NAMED["gravity_tilt"]], Settings(), lambda text: None)
+    item = accepted(problem, search.nominal, "gravity_tilt", [weight, 0.0])
+    finding = Finding("named", search.nominal, (item,), item.scored.fitted, (), ())
+    assert (carried_over(search, finding, -np.inf) is not None) == kept
 
 
 def test_rivals_of_what_the_band_of_the_motion_has_shown_are_fitted_in_the_whole_band() -> None:

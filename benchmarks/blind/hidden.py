@@ -226,7 +226,7 @@ def input_delay(d: Draw) -> Hidden:
     return Hidden("input_delay", {"delay": delay}, {"delay": Parameter(delay, "s")})
 
 
-@_offers(VOCABULARY, _electric)
+@_offers(VOCABULARY, _voltage)
 def supply_sag(d: Draw) -> Hidden:
     gain = d.size(0.03, 0.25) / d.scales.current_peak
     law = d.law(Sag)

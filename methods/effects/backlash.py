@@ -1,7 +1,8 @@
 """Backlash: motor and load are joined through a play; the encoder sits on the motor.
 
 Inside the play no force acts; beyond it a stiff contact does, with the frequency and the damping ratio of the load on
-it (see `joint_flexibility` for the equations). With no inertia behind the play it has no effect.
+it (see `joint_flexibility` for the equations). With no inertia behind the play it has no effect; with no play it is a
+flexible joint.
 
 Source: M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash: a survey, Automatica 38 (2002).
 """
@@ -37,6 +38,7 @@ EFFECT = Effect(
     resolved=lambda p, s: is_readable(p[0], s),
     tries=3,
     excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash_load_side", BY_THE_LINK),
+    includes=("joint_flexibility",),
     expected_failures=(
         (
             "sensitivities_are_finite_differences",
@@ -52,6 +54,7 @@ LOAD_SIDE = replace(
     parameters=(EFFECT.parameters[0], replace(EFFECT.parameters[1], lower=0.1), *EFFECT.parameters[2:]),
     amplitudes=(),
     excludes=("joint_flexibility", "joint_flexibility_load_side", "backlash", BY_THE_LINK),
+    includes=("joint_flexibility_load_side",),
     starts=lambda s: [values for values in starts(s) if values[1] == 0.5],
 )
 """The same with the encoder behind the play, which sees it even where little inertia hangs behind it."""

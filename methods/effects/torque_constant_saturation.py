@@ -26,7 +26,7 @@ EFFECT = Effect(
     source="Hanselman",
     starts=lambda s: [(0.02 / s.torque_rms**2,)],
     function=gain,
-    excludes=("torque_constant_saturation_early",),
+    excludes=("torque_constant_saturation_early", "torque_constant_saturation_levelling"),
 )
 
 
@@ -66,4 +66,26 @@ EARLY = replace(
     function=early,
     excludes=("torque_constant_saturation", "torque_constant_saturation_power"),
 )
-EFFECTS = (EFFECT, POWER, EARLY)
+
+
+def levelling(t, q, dq, w, p):
+    """1 - coefficient |w| / (1 + levelling coefficient |w|)."""
+    loss = p[0] * abs(w)
+    return max(0.0, 1.0 - loss / (1.0 + p[1] * loss))
+
+
+LEVELLING = replace(
+    EARLY,
+    name="torque_constant_saturation_levelling",
+    parameters=(
+        *EARLY.parameters,
+        EffectParameter("levelling", "ratio", "of the loss at high torque; with 0 it is 1 - c |i|", 0.0, 20.0),
+    ),
+    equation=r"\tau_m = \alpha i \left(1 - \frac{c\,|i|}{1 + l\,c\,|i|}\right)",
+    starts=lambda s: [(0.02 / s.torque_rms, 0.0)],
+    function=levelling,
+    includes=("torque_constant_saturation_early",),
+    neutral=(1.0,),
+)
+"""As a straight line has it, or iron of which a part saturates and the rest does not."""
+EFFECTS = (EFFECT, POWER, EARLY, LEVELLING)

@@ -22,7 +22,7 @@ from diagnosis.arm_torques import arm_torques
 from diagnosis.choice import LAG
 from diagnosis.compensator import compensators, not_refused
 from diagnosis.engine import find
-from diagnosis.estimation import Point, covariance
+from diagnosis.estimation import Fitted, Point, covariance
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
 from diagnosis.finding import WORST, Accepted, Finding, Verdict
 from diagnosis.hopping import likely
@@ -88,6 +88,8 @@ DATED = 0.1
 """Share of a log's length below which the deviation of an event's instant has to be."""
 OTHER_SCALE, ALIKE = 4.0, 2.0
 """Factor between all found and stated parameters that speaks of another scale, and how far they may differ in it."""
+WHOLE = 0.02
+"""Distance from a whole number of cycles in a turn that is none."""
 LINES = 15.0
 """Seconds between lines on what is going on, where no terminal shows it."""
 Tell = Callable[[str], None]
@@ -274,13 +276,22 @@ def diagnose(
 def check_turns(read: Recordings, solved: Solved) -> None:
     """Refuses an answer that depends on how long a turn is where that is in doubt. Raises DiagnosisError.
 
-    What is `unknown` claims nothing, whatever stands in for it.
+    What is `unknown` claims nothing, whatever stands in for it. What repeats itself once in a turn of 2 pi, or a whole
+    number of times, over swings of several such turns, tells that these are turns.
     """
     for item in solved.finding.accepted if solved.verdict != "unknown" else ():
         joint = solved.joints[item.joint]
-        if item.effect.turns and joint in read.doubtful:
+        if item.effect.turns and joint in read.doubtful and not is_whole(solved.finding.final, item):
             what = f"{item.label.replace('_', ' ')} of joint {joint}"
             raise DiagnosisError(f"{what}, which these logs show, depends on what a turn is: {read.doubtful[joint]}")
+
+
+def is_whole(final: Fitted, item: Accepted) -> bool:
+    """Whether an effect repeats itself a whole number of times in 2 pi, or by its law once."""
+    if item.effect.scan != "position":
+        return True
+    count = final.point.value(f"{item.name}.cycles_per_rev@{item.joint}")
+    return round(count) >= 1 and abs(count - round(count)) < WHOLE
 
 
 def arm_said(read: Recordings, group: tuple[int, ...], structures: tuple[JointStructure, ...]) -> str:

@@ -1114,19 +1114,31 @@ def test_a_sidecar_is_that_of_all_logs_that_have_none(tmp_path: Path) -> None:
     assert shared_sidecar(paths) == {}
 
 
-def test_what_a_turn_is_has_to_be_known_where_the_answer_depends_on_it() -> None:
+@pytest.mark.parametrize(
+    ("name", "cycles", "verdict", "refused"),
+    [
+        ("coulomb_friction", None, "named", False),
+        ("gravity_tilt", None, "named", False),  # once in a turn: it is one
+        ("cogging_torque", 12.01, "named", False),
+        ("cogging_torque", 12.3, "named", True),
+        ("cogging_torque", 0.01, "named", True),
+        ("cogging_torque", 12.3, "unknown", False),  # which claims nothing
+    ],
+)
+def test_what_a_turn_is_has_to_be_known_where_the_answer_depends_on_it(
+    name: str, cycles: float | None, verdict: str, refused: bool
+) -> None:
     read = arrange([recorded(model_of({}), 1)], [recorded(model_of({}), 2)], None)
     read = replace(read, doubtful={1: "back and forth"})
     named = {effect.name: effect for effect in built_in()}
-
-    def solved(name: str, verdict: str = "named") -> Solved:
-        finding = SimpleNamespace(accepted=[Named(named[name])])
-        return cast(Solved, SimpleNamespace(joints=(1,), finding=finding, verdict=verdict))
-
-    check_turns(read, solved("coulomb_friction"))
-    check_turns(read, solved("gravity_tilt", "unknown"))  # which claims nothing
-    with pytest.raises(DiagnosisError, match=r"gravity tilt of joint 1.*depends on what a turn is: back and forth"):
-        check_turns(read, solved("gravity_tilt"))
+    point = SimpleNamespace(value={f"{name}.cycles_per_rev@0": cycles}.__getitem__)
+    finding = SimpleNamespace(accepted=[Named(named[name])], final=SimpleNamespace(point=point))
+    solved = cast(Solved, SimpleNamespace(joints=(1,), finding=finding, verdict=verdict))
+    if refused:
+        with pytest.raises(DiagnosisError, match=r"cogging torque of joint 1.* what a turn is: back and forth"):
+            check_turns(read, solved)
+    else:
+        check_turns(read, solved)
 
 
 @dataclass(frozen=True)
@@ -1135,6 +1147,10 @@ class Named:
 
     effect: Effect
     joint: int = 0
+
+    @property
+    def name(self) -> str:
+        return self.effect.name
 
     @property
     def label(self) -> str:

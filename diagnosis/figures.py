@@ -364,7 +364,10 @@ def ranking(
 ) -> str:
     """Evidence of hypotheses, best first: the accepted one blue, what explains as much in rose, the others grey."""
     shown = sorted(considered, key=lambda a: -a.evidence.net)[:RANKED]
-    figure, axes = panel(NARROW, 0.55 + 0.21 * len(shown), left=1.52)
+    several = len({a.joint for a in shown}) > 1
+    names = [title(a.name) + (f" ({a.joint})" if several else "") for a in shown]
+    margin = max(1.52, 0.2 + CHARACTER * max(map(len, names), default=0))
+    figure, axes = panel(NARROW, 0.55 + 0.21 * len(shown), left=margin)
     left = max(1.0, 0.3 * threshold)
     for row, hypothesis in enumerate(shown):
         net = hypothesis.evidence.net
@@ -378,8 +381,7 @@ def ranking(
     axes.set_xscale("log")
     axes.set_xlim(left, 12 * max([threshold, *(a.evidence.net for a in shown)]))
     axes.set_ylim(len(shown) - 0.4, -0.6)
-    several = len({a.joint for a in shown}) > 1
-    axes.set_yticks(range(len(shown)), [title(a.name) + (f" ({a.joint})" if several else "") for a in shown])
+    axes.set_yticks(range(len(shown)), names)
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)
     axes.spines["left"].set_visible(False)

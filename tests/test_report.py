@@ -273,6 +273,19 @@ def test_long_names_in_the_waterfall_are_not_clipped(monkeypatch: pytest.MonkeyP
     assert min(label.get_window_extent().x0 for label in labels) >= 0.0
 
 
+def test_long_names_in_the_ranking_are_not_clipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Figure] = []
+    monkeypatch.setattr(figures, "svg", lambda figure, name, label: drawn.append(figure))
+    names = sorted({effect.label for effect in built_in()}, key=len)[-2:]
+    considered = [Alternative(name, joint, Evidence(50.0, 10.0)) for name in names for joint in (1, 12)]
+    with report_style():
+        figures.ranking(considered, names[0], (), 12.0, "long")
+    FigureCanvasAgg(drawn[0]).draw()
+    labels = drawn[0].axes[0].get_yticklabels()
+    assert labels[-1].get_text() == f"{names[-1].replace('_', ' ')} (12)"
+    assert min(label.get_window_extent().x0 for label in labels) >= 0.0
+
+
 def test_a_shift_is_no_share_of_a_whole() -> None:
     diagnosis = example("named")
     doubled = nominal("damping", "V s/rad", None, (1.99997, 1e-3), (1.0, 1e-3))

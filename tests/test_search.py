@@ -727,7 +727,7 @@ def test_a_general_form_begins_where_the_textbook_form_is(name: str, values: lis
     problem = problem_of({name: dict(zip((p.name for p in inner.parameters), values, strict=True))}, noise)
     nominal = fit_nominal(problem, (JointStructure(),))
     base = fit(problem, extend(problem, nominal.point, Hypothesis(inner, 0), np.array([values])))
-    (general,) = (effect for effect in EFFECTS if effect.label == name and effect.neutral)
+    (general,) = (e for e in EFFECTS if e.label == name and e.neutral and name in e.includes)
     start, (point, *_) = generalised(problem, View.of(problem, base), general, [inner], 0, sizes_of(problem, base)[0])
     assert not point.switches[0, KERNEL.switches[name]]
     assert start.promise < 12.0

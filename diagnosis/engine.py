@@ -224,10 +224,10 @@ def continued(
     path = search.grown(path)
     if search.cost(path) >= most:
         return None
-    path, problem = search.exchanged(path), search.problem
-    known = (item.scored.evidence > search.settings.threshold for item in path.accepted)
+    path = search.exchanged(path)
     accepted = (
-        item if told else scored_anew(problem, path.base, item) for item, told in zip(path.accepted, known, strict=True)
+        item if item.scored.evidence > search.settings.threshold else scored_anew(search.problem, path.base, item)
+        for item in path.accepted
     )
     return search.concluded(replace(path, accepted=tuple(accepted)), held_out)
 
@@ -255,10 +255,9 @@ def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
         return None
     base = in_turns(problem, free_of_filter(problem, banded.final.point))
     base = timing_settled(problem, windings_settled(problem, base))
-    if cost(problem, base, banded.accepted) >= most:
-        nominal = free_of_filter(problem, search.nominal.point)
-        if not comes_much_closer(problem, base, nominal):
-            return None
+    is_dearer = cost(problem, base, banded.accepted) >= most
+    if is_dearer and not comes_much_closer(problem, base, free_of_filter(problem, search.nominal.point)):
+        return None
     accepted = tuple(scored_anew(problem, base, item) for item in banded.accepted)
     present = frozenset(place for item in accepted for place in stood_for(item))
     equals = frozenset(near for item in banded.accepted for near in near_equals(item))

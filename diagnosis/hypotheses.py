@@ -23,6 +23,7 @@ from diagnosis.problem import Free, Problem, free_damping, scales, smooth_deriva
 from diagnosis.regression import View
 from envs.log import Array
 from methods.effects.base import Effect, Scales
+from methods.effects.payload_change import AT_REST
 from methods.kernel import NOMINAL
 from methods.parallel import each
 
@@ -44,8 +45,6 @@ LENGTHS = 40
 """How many of them count as searched."""
 NEVER = 2.0
 """Instant, over the length of the longest log, of an event that a log does not have."""
-AT_REST = "payload_change_at_rest"
-"""A load that takes its share of the momentum when it is picked up."""
 AT_ONCE = 16
 """Hypotheses that are simulated at once."""
 MEMORY = 4_000_000
@@ -543,7 +542,7 @@ def seen_events(problem: Problem, tool: Adjoint, effect: Effect, joint: int, siz
     score, index = max(steps)
     further = next(iter(effect.starts(size) if effect.starts else ()), (0.0,) * effect.size)[2:]
     best = [(score, index)]
-    if effect.name == AT_REST:
+    if effect.name in AT_REST:
         best += [(score, index) for score, _, index in _pulses(c, tool, problem.sample_time)[:1]]
     values = np.array([[0.05 * size.inertia, time[index], *further] for _, index in best])
     count = (len(steps) + len(best) - 1) * searched

@@ -148,6 +148,14 @@ IN_LANES = {
 }
 """Functions in effects that the template replaces by arithmetic of its own, of which all lanes have their share at
 once."""
+BESIDE_THE_ARM = {
+    "position": "arm",
+    "elapsed time": "arm",
+    "another joint": "arm",
+    "velocity": "drag",
+    "direction": "drag",
+}
+"""Places in the template of torques on the arm, by what they follow."""
 STRUCTURAL = {
     "amplifier_lag": "LAG",
     "input_delay": "DELAY",
@@ -164,10 +172,13 @@ STRUCTURAL = {
     "presliding_friction_power": "DAHL",
     "presliding_friction_stribeck": "LUGRE",
     "payload_change": "PAYLOAD",
-    "payload_change_at_rest": "GRASP",
     "payload_change_weighed": "WEIGHED",
     "payload_change_carried": "CARRIED",
     "payload_change_hung": "HUNG",
+    "payload_change_at_rest": "RESTED",
+    "payload_change_weighed_at_rest": "RESTED_WEIGHED",
+    "payload_change_carried_at_rest": "RESTED_CARRIED",
+    "payload_change_hung_at_rest": "RESTED_HUNG",
     "rounded_coulomb_friction": "ROUND",
     "tapered_coulomb_friction": "TAPER",
     "rounded_stribeck_friction": "BLEND",
@@ -350,11 +361,11 @@ def build(effects: Sequence[Effect]) -> Kernel:
 
 
 def slot_of(effect: Effect) -> str:
-    """The place of an effect's function in the template: torques of the arm's position act behind the transmission,
-    those of its velocity on either side of it."""
-    if (effect.slot, effect.stage) != ("torque", "arm"):
+    """The place of an effect's function in the template: torques of the arm's position, of time and of another joint
+    act behind the transmission, those of its velocity on either side of it."""
+    if effect.slot != "torque" or effect.stage not in ("arm", "transmission"):
         return effect.slot
-    return {"position": "arm", "velocity": "drag", "direction": "drag"}.get(effect.variable, effect.slot)
+    return BESIDE_THE_ARM.get(effect.variable, effect.slot)
 
 
 def acts_on_either_side(effect: Effect) -> bool:
@@ -662,7 +673,7 @@ def _present(on, has):
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _weighing(on):
-    """Whether any effect is a torque of the arm's position."""
+    """Whether any effect is a torque on the arm behind the transmission."""
     return #any_arm#
 
 
@@ -698,7 +709,7 @@ def _sensing(on):
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _on_arm(t, q, dq, w, x, p, on, any_effect, coupled):
-    """Torque by which the position of the arm resists: its weight, springs to the world."""
+    """Torque on the arm against its motion that no velocity of it changes: its weight, springs to the world, blows."""
     arm = p[LOAD]
     if any_effect:
         arm += _arm_effects(t, q, dq, w, x, p, on)
@@ -855,20 +866,24 @@ def _present_share(t, p, column):
     return min(max((t - p[column]) / p[STEP] + 0.5, 0.0), 1.0)
 
 
+MOVING = ((PAYLOAD, PAYLOAD_P), (WEIGHED, WEIGHED_P), (CARRIED, CARRIED_P), (HUNG, HUNG_P))
+AT_REST = ((RESTED, RESTED_P), (RESTED_WEIGHED, RESTED_WEIGHED_P), (RESTED_CARRIED, RESTED_CARRIED_P),
+           (RESTED_HUNG, RESTED_HUNG_P))
+ON_THE_ARM = ((CARRIED, CARRIED_P), (HUNG, HUNG_P), (RESTED_CARRIED, RESTED_CARRIED_P), (RESTED_HUNG, RESTED_HUNG_P))
+LOADS = MOVING + AT_REST
+LONG_AGO = -1e300
+
+
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _payload(t, p, on):
     """Inertia that has been picked up by time t."""
     added = 0.0
-    if PAYLOAD >= 0 and on[PAYLOAD]:
-        added += p[PAYLOAD_P] * _present_share(t, p, PAYLOAD_P + 1)
-    if WEIGHED >= 0 and on[WEIGHED]:
-        added += p[WEIGHED_P] * _present_share(t, p, WEIGHED_P + 1)
-    if CARRIED >= 0 and on[CARRIED]:
-        added += p[CARRIED_P] * _present_share(t, p, CARRIED_P + 1)
-    if HUNG >= 0 and on[HUNG]:
-        added += p[HUNG_P] * _present_share(t, p, HUNG_P + 1)
-    if GRASP >= 0 and on[GRASP] and t >= p[GRASP_P + 1]:
-        added += p[GRASP_P]
+    for form, first in MOVING:
+        if form >= 0 and on[form]:
+            added += p[first] * _present_share(t, p, first + 1)
+    for form, first in AT_REST:
+        if form >= 0 and on[form] and t > p[first + 1]:
+            added += p[first]
     return added
 
 
@@ -877,10 +892,12 @@ def _load_of(p, on):
     """What `_payload` of a single form depends on: inertia, instant, 1 if it is picked up at once, and how many forms
     there are."""
     inertia, instant, sudden, forms = 0.0, 0.0, 0.0, 0
-    for form, first in ((PAYLOAD, PAYLOAD_P), (WEIGHED, WEIGHED_P), (CARRIED, CARRIED_P), (HUNG, HUNG_P),
-                        (GRASP, GRASP_P)):
+    for form, first in MOVING:
         if form >= 0 and on[form]:
-            inertia, instant, sudden, forms = p[first], p[first + 1], 1.0 * (form == GRASP), forms + 1
+            inertia, instant, sudden, forms = p[first], p[first + 1], 0.0, forms + 1
+    for form, first in AT_REST:
+        if form >= 0 and on[form]:
+            inertia, instant, sudden, forms = p[first], p[first + 1], 1.0, forms + 1
     return inertia, instant, sudden, forms
 
 
@@ -893,7 +910,7 @@ def _laden(S, p, on, n, several):
     else:
         for l in range(LANES):
             share = min(max((S[T_ + l] - S[INSTANT_ + l]) / S[EVERY_ + l] + 0.5, 0.0), 1.0)
-            there = 1.0 * (S[T_ + l] >= S[INSTANT_ + l])
+            there = 1.0 * (S[T_ + l] > S[INSTANT_ + l])
             S[ADDED_ + l] = S[LOADED_ + l] * (S[SUDDEN_ + l] * there + (1.0 - S[SUDDEN_ + l]) * share)
 
 
@@ -901,35 +918,107 @@ def _laden(S, p, on, n, several):
 def _reach(p, on):
     """Of a load at the end of the second link of a planar pair: the first link's length over its own lever."""
     reach = 0.0
-    if CARRIED >= 0 and on[CARRIED]:
-        reach += p[CARRIED_P + 2]
-    if HUNG >= 0 and on[HUNG]:
-        reach += p[HUNG_P + 2]
+    for form, first in ON_THE_ARM:
+        if form >= 0 and on[form]:
+            reach += p[first + 2]
     return reach
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _hung(t, p, on):
     """Sine and cosine part of the weight of such a load at time t."""
-    if HUNG >= 0 and on[HUNG]:
-        share = _present_share(t, p, HUNG_P + 1)
-        return share * p[HUNG_P + 3], share * p[HUNG_P + 4]
+    for form, first in ((HUNG, HUNG_P), (RESTED_HUNG, RESTED_HUNG_P)):
+        if form >= 0 and on[form]:
+            share = _present_share(t, p, first + 1)
+            return share * p[first + 3], share * p[first + 4]
     return 0.0, 0.0
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _reaches(on):
+    """Whether there is such a load."""
+    for form, _ in ON_THE_ARM:
+        if form >= 0 and on[form]:
+            return True
+    return False
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _hangs(on):
+    """Whether such a load has a weight."""
+    return (HUNG >= 0 and on[HUNG]) or (RESTED_HUNG >= 0 and on[RESTED_HUNG])
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _carries(on):
     """Whether a payload is picked up or put down."""
-    return ((PAYLOAD >= 0 and on[PAYLOAD]) or (GRASP >= 0 and on[GRASP]) or (WEIGHED >= 0 and on[WEIGHED])
-            or (CARRIED >= 0 and on[CARRIED]) or (HUNG >= 0 and on[HUNG]))
+    for form, _ in LOADS:
+        if form >= 0 and on[form]:
+            return True
+    return False
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _grasp(t, h, dq, p, on):
-    """Velocity at the beginning of a step of h: a load that rested is picked up with the momentum conserved."""
-    if GRASP >= 0 and on[GRASP] and t - h < p[GRASP_P + 1] <= t:
-        return dq * p[INERTIA] / (p[INERTIA] + p[GRASP_P])
-    return dq
+def _grips(on):
+    """Whether a load is picked up that rested."""
+    for form, _ in AT_REST:
+        if form >= 0 and on[form]:
+            return True
+    return False
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _grip(t, h, p, on):
+    """Inertia of a load that rested and is picked up within a step of h from t on, and how long until then. From here
+    on it is there, since the momentum at the end of the step is the same whenever in it that happens."""
+    for form, first in AT_REST:
+        if form >= 0 and on[form] and t <= p[first + 1] < t + h:
+            wait = p[first + 1] - t
+            p[first + 1] = LONG_AGO
+            return p[first], wait
+    return 0.0, 0.0
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _slowed(t, h, q, dq, ql, dql, p, on):
+    """Angles and velocities of motor and arm at the beginning of a step of h, (q, q', q_l, q_l'): where within the step
+    the arm picks up a load that rested, the momentum of both stays as it is, and so does the way until then."""
+    load, wait = _grip(t, h, p, on)
+    if load == 0.0:
+        return q, dq, ql, dql
+    if _flexible(on) or _playing(on):
+        behind = p[INERTIA] * max(p[_share_column(on)], SMALL)
+        slower = dql * behind / (behind + load)
+        return q, dq, ql + wait * (dql - slower), slower
+    slower = dq * p[INERTIA] / (p[INERTIA] + load)
+    return q + wait * (dq - slower), slower, ql, dql
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _slowed_pair(t, h, q1, d1, ql1, dl1, q2, d2, ql2, dl2, first, second, on1, on2, p3, s, p2):
+    """`_slowed` of a planar pair: of the first joint, then of the second one.
+
+    The blow takes the momentum that the load will have from the links: in no time it changes their velocities by what a
+    torque of that size accelerates them."""
+    load1, wait1 = _grip(t, h, first, on1)
+    load2, wait2 = _grip(t, h, second, on2)
+    if load1 == 0.0 and load2 == 0.0:
+        return q1, d1, ql1, dl1, q2, d2, ql2, dl2
+    load2 /= s
+    loose1, loose2 = _flexible(on1) or _playing(on1), _flexible(on2) or _playing(on2)
+    v1, v2 = dl1 if loose1 else d1, dl2 if loose2 else d2
+    reach, c = _reach(second, on2), _cosine(ql2 if loose2 else q2)
+    blow1 = (load1 + load2 * (reach * reach + 2.0 * reach * c + 1.0)) * v1 + load2 * (1.0 + reach * c) * v2
+    blow2 = s * load2 * ((1.0 + reach * c) * v1 + v2)
+    a1, a2, al1, al2, _, _ = _coupled(
+        t, q1, 0.0, ql1, 0.0, q2, 0.0, ql2, 0.0, 0.0 if loose1 else -blow1, 0.0 if loose2 else -blow2,
+        blow1 if loose1 else 0.0, blow2 if loose2 else 0.0, False, False, first, second, on1, on2, p3, s, p2)
+    b1, b2, bl1, bl2, _, _ = _coupled(
+        t, q1, 0.0, ql1, 0.0, q2, 0.0, ql2, 0.0, 0.0, 0.0, 0.0, 0.0, False, False, first, second, on1, on2, p3, s, p2)
+    wait = max(wait1, wait2)
+    a1, a2, al1, al2 = a1 - b1, a2 - b2, al1 - bl1, al2 - bl2
+    return (q1 - wait * a1, d1 + a1, ql1 - wait * al1, dl1 + al1, q2 - wait * a2, d2 + a2, ql2 - wait * al2,
+            dl2 + al2)
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -994,8 +1083,8 @@ def _steepened(twist, deep, half, power):
 def _pulled(t, q, dq, ql, dql, arm, p, on):
     """Net torque on an arm behind a spring or a play, `arm` against it beside viscous friction, and its inertia."""
     share, al = _twisted(q, dq, ql, dql, p, on)
-    inertia = p[INERTIA] + _payload(t, p, on)
-    return inertia * share * al - arm - p[ARM_VISCOUS] * dql, inertia * max(share, SMALL)
+    pull = p[INERTIA] * share * al
+    return pull - arm - p[ARM_VISCOUS] * dql, p[INERTIA] * max(share, SMALL) + _payload(t, p, on)
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1018,14 +1107,14 @@ def _gripped(t, q, dq, ql, dql, arm, level, span, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _parted(q, dq, ql, dql, rhs, arm, inertia, p, on, stuck):
+def _parted(q, dq, ql, dql, rhs, arm, load, p, on, stuck):
     """A joint with a spring or a play in a planar pair: its motor's acceleration and net torque, the torque on the arm
-    behind, and the inertia there."""
+    behind, and the inertia there, of which a load is."""
     share, al = _twisted(q, dq, ql, dql, p, on)
-    between = inertia * share * al
+    between = p[INERTIA] * share * al
     rhs -= between
-    a = 0.0 if stuck else rhs / (inertia * (1.0 - share))
-    return a, rhs, between - (arm + p[ARM_VISCOUS] * dql), inertia * share
+    a = 0.0 if stuck else rhs / (p[INERTIA] * (1.0 - share))
+    return a, rhs, between - (arm + p[ARM_VISCOUS] * dql), p[INERTIA] * share + load
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1038,16 +1127,16 @@ def _coupled(t, q1, d1, ql1, dl1, q2, d2, ql2, dl2, rhs1, rhs2, arm1, arm2, stuc
     there: the torque between the sides drives it."""
     loose1, loose2 = _flexible(on1) or _playing(on1), _flexible(on2) or _playing(on2)
     added, reach, sine, cosine = _payload(t, second, on2) / s, _reach(second, on2), *_hung(t, second, on2)
-    inertia1 = first[INERTIA] + (_payload(t, first, on1) + added * reach * reach)
-    inertia2 = second[INERTIA] + _payload(t, second, on2)
+    load1, load2 = _payload(t, first, on1) + added * reach * reach, _payload(t, second, on2)
+    inertia1, inertia2 = first[INERTIA] + load1, second[INERTIA] + load2
     p3 = p3 + added * reach
     own, carried = second[INERTIA] / s + added, p2 + added
     drive1, drive2, a1, a2, rotor, turning = rhs1, rhs2, 0.0, 0.0, 0.0, 0.0
     if loose1:
-        a1, rhs1, drive1, inertia1 = _parted(q1, d1, ql1, dl1, rhs1, arm1, inertia1, first, on1, stuck1)
+        a1, rhs1, drive1, inertia1 = _parted(q1, d1, ql1, dl1, rhs1, arm1, load1, first, on1, stuck1)
         q1, d1 = ql1, dl1
     if loose2:
-        a2, rhs2, drive2, inertia2 = _parted(q2, d2, ql2, dl2, rhs2, arm2, inertia2, second, on2, stuck2)
+        a2, rhs2, drive2, inertia2 = _parted(q2, d2, ql2, dl2, rhs2, arm2, load2, second, on2, stuck2)
         q2, d2 = ql2, dl2
         own, rotor = inertia2 / s, own - inertia2 / s
         turning = min(max(carried - own, 0.0), rotor)  # of the rotor what turns with the first joint, too
@@ -1074,12 +1163,15 @@ def _coupled(t, q1, d1, ql1, dl1, q2, d2, ql2, dl2, rhs1, rhs2, arm1, arm2, stuc
 def _joined(t, q, dq, ql, dql, rhs, arm, p, on):
     """Accelerations of motor side and load side, the net torque rhs on the former and `arm` against the latter, beside
     its viscous friction: (q'', q_l'', torque between the sides)."""
-    inertia = p[INERTIA] + _payload(t, p, on)
+    load = _payload(t, p, on)
     if _flexible(on) or _playing(on):
         arm += p[ARM_VISCOUS] * dql
         share, al = _twisted(q, dq, ql, dql, p, on)
-        F = inertia * share * al
-        return (rhs - F) / (inertia * (1.0 - share)), al - arm / (inertia * max(share, SMALL)), F
+        F, behind = p[INERTIA] * share * al, p[INERTIA] * max(share, SMALL)
+        if load != 0.0:
+            al *= behind / (behind + load)
+        return (rhs - F) / (p[INERTIA] * (1.0 - share)), al - arm / (behind + load), F
+    inertia = p[INERTIA] + load
     a = rhs * p[MOBILITY] if inertia == p[INERTIA] else rhs / inertia
     return a, a, 0.0
 
@@ -1125,17 +1217,21 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
         p = P[j]
         q, dq = S[j, Q], S[j, DQ]
         split = _flexible(on[j]) or _playing(on[j])
-        arm = _on_arm(t, S[j, QL] if split else q, dq, S[j, W], x[j], p, on[j], has[j, 2], pair and j < 2)
-        arm += known[j]
         behind = p[ARM_FRICTION] if split else 0.0
+        w = S[j, W]
+        if p[ELECTRICAL] <= 0.0 and (has[j, 2] or behind > 0.0):
+            w = _motor(q + beside[j], dq, w, S[j, HEAT], u[j], p, on[j])[0]
+        arm = _on_arm(t, S[j, QL] if split else q, dq, w, x[j], p, on[j], has[j, 2], pair and j < 2)
+        arm += known[j]
         if behind > 0.0:
             if has[j, 4]:
-                arm += behind * _drag(t, S[j, QL], S[j, DQL], S[j, W], x[j], p, on[j])
-            held = behind * _friction(t, S[j, QL], S[j, DQL], S[j, W], p, on[j]) if has[j, 3] else 0.0
-            if held > 0.0:
-                if span > 0.0:
+                arm += behind * _drag(t, S[j, QL], S[j, DQL], w, x[j], p, on[j])
+            held = behind * _friction(t, S[j, QL], S[j, DQL], w, p, on[j]) if has[j, 3] else 0.0
+            if span > 0.0:
+                grip[j, 0] = grip[j, 1] = 0.0
+                if held > 0.0:
                     grip[j, 0], grip[j, 1] = _gripped(t, q, dq, S[j, QL], S[j, DQL], arm, held, span, p, on[j])
-                arm += grip[j, 0] * held + grip[j, 1]
+            arm += grip[j, 0] * held + grip[j, 1]
             if YIELD >= 0 and on[j, YIELD]:
                 pull, inertia = _pulled(t, q, dq, S[j, QL], S[j, DQL], arm, p, on[j])
                 arm += pull - _yielded(pull, S[j, DQL], inertia, behind, p, on[j])
@@ -1511,9 +1607,15 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
         per_step = 1.0 / h
         for i in range(substeps):
             now = t[k] - t0 + i * h
+            if pair:
+                S[0, Q], S[0, DQ], S[0, QL], S[0, DQL], S[1, Q], S[1, DQ], S[1, QL], S[1, DQL] = _slowed_pair(
+                    now, h, S[0, Q], S[0, DQ], S[0, QL], S[0, DQL], S[1, Q], S[1, DQ], S[1, QL], S[1, DQL], P[0], P[1],
+                    on[0], on[1], rigid[0], rigid[1], rigid[2])
             for j in range(n):
                 p = P[j]
-                S[j, DQ] = _grasp(now, h, S[j, DQ], p, on[j])
+                if j >= 2 or not pair:
+                    S[j, Q], S[j, DQ], S[j, QL], S[j, DQL] = _slowed(
+                        now, h, S[j, Q], S[j, DQ], S[j, QL], S[j, DQL], p, on[j])
                 c[j], rises[j], S[j, A] = _driven(k, i, substeps, dt, now, h, hold[j], u[:, j], cumulative[:, j],
                                                   S[j, Q], S[j, DQ], S[j, W], S[j, A], p, on[j], has[j, 0], euler)
                 if _bristled(on[j]):
@@ -1693,25 +1795,6 @@ def _rates_lanes(S, p, on, any_on, all_on, whole, since, to, has, parted, xs, n,
     whether a step does. ends: what the motor moves, if it is the same in all of them. rigid, hanging: see
     `run_lanes` and `_planar_lanes`.
     """
-    if weighs:
-        for l in range(LANES):
-            S[PLACE_ + l], S[SUM_ + l] = S[QS_ + l], 0.0
-        for l in range(n if split else 0):
-            if parted[l]:
-                S[PLACE_ + l] = S[QLS_ + l]
-        #arm_lanes#
-        for l in range(LANES):
-            S[ARM_ + l] = S[LOAD_ + l] + S[SUM_ + l]
-        if weighs == HEAVY:
-            for l in range(LANES):
-                q = S[PLACE_ + l]
-                S[ARM_ + l] += S[GRAVITY_SINE_ + l] * _sine(q) + S[GRAVITY_COSINE_ + l] * _cosine(q)
-        for l in range(LANES):
-            S[ARM_ + l] += S[KNOWN_ + l]
-            S[WEIGHT_ + l] = S[ARM_ + l]
-        for l in range(n if split else 0):
-            if parted[l]:
-                S[WEIGHT_ + l] = 0.0
     if rippled:
         for l in range(LANES):
             angle = S[RIPPLE_CYCLES_ + l] * (S[QS_ + l] + S[BESIDE_ + l])
@@ -1753,6 +1836,25 @@ def _rates_lanes(S, p, on, any_on, all_on, whole, since, to, has, parted, xs, n,
         #gain_lanes#
         for l in range(LANES):
             S[R_ + l] *= S[SUM_ + l]
+    if weighs:
+        for l in range(LANES):
+            S[PLACE_ + l], S[SUM_ + l] = S[QS_ + l], 0.0
+        for l in range(n if split else 0):
+            if parted[l]:
+                S[PLACE_ + l] = S[QLS_ + l]
+        #arm_lanes#
+        for l in range(LANES):
+            S[ARM_ + l] = S[LOAD_ + l] + S[SUM_ + l]
+        if weighs == HEAVY:
+            for l in range(LANES):
+                q = S[PLACE_ + l]
+                S[ARM_ + l] += S[GRAVITY_SINE_ + l] * _sine(q) + S[GRAVITY_COSINE_ + l] * _cosine(q)
+        for l in range(LANES):
+            S[ARM_ + l] += S[KNOWN_ + l]
+            S[WEIGHT_ + l] = S[ARM_ + l]
+        for l in range(n if split else 0):
+            if parted[l]:
+                S[WEIGHT_ + l] = 0.0
     for l in range(LANES):
         S[R_ + l] -= (S[BRISTLE_ + l] + S[VISCOUS_ + l]) * S[DQS_ + l] + S[WEIGHT_ + l] + S[RESIST_ + l]
     if has[2]:
@@ -1785,15 +1887,16 @@ def _rates_lanes(S, p, on, any_on, all_on, whole, since, to, has, parted, xs, n,
         for l in range(LANES):
             S[LEVEL_ + l] = 0.0
         #friction_lanes#
-        for l in range(n if CARRY >= 0 and any_on[CARRY] and not behind else 0):
-            if on[l, CARRY]:
-                S[LEVEL_ + l] += _carried(S[R_ + l], S[DQS_ + l], S[WEIGHT_ + l], S[LEVEL_ + l], p[l])
         if behind:
             for l in range(LANES):
                 S[HELD_ + l] = S[ARM_FRICTION_ + l] * S[LEVEL_ + l]
         else:
             for l in range(LANES):
                 S[LEVEL_ + l] *= 1.0 - S[ARM_FRICTION_ + l]
+            for l in range(n if CARRY >= 0 and any_on[CARRY] else 0):
+                if on[l, CARRY]:
+                    S[LEVEL_ + l] += _carried(S[R_ + l], S[DQS_ + l], S[WEIGHT_ + l], S[LEVEL_ + l], p[l])
+            for l in range(LANES):
                 S[R_ + l] -= S[SIGN_ + l] * S[LEVEL_ + l]
     if shared and has[3]:
         for l in range(n):
@@ -1834,20 +1937,20 @@ def _rates_lanes(S, p, on, any_on, all_on, whole, since, to, has, parted, xs, n,
             if steep:
                 al *= _steepened(abs(d), abs(deep), S[HALF_ + l], S[STEEP_ + l])
             al *= 1.0 * (abs(d) > S[HALF_ + l]) * (1.0 * (al * d >= 0.0))
-            whole = S[INERTIA_ + l] + S[ADDED_ + l]
-            S[R_ + l] -= whole * S[SHARE_ + l] * al
-            S[DDQ_ + l] = S[R_ + l] / (whole * (1.0 - S[SHARE_ + l]))
+            S[R_ + l] -= S[INERTIA_ + l] * S[SHARE_ + l] * al
+            S[DDQ_ + l] = S[R_ + l] / (S[INERTIA_ + l] * (1.0 - S[SHARE_ + l]))
             arm = S[ARM_ + l] + S[ARM_VISCOUS_ + l] * S[DQLS_ + l]
-            S[DDQL_ + l] = al - arm / (whole * max(S[SHARE_ + l], SMALL))
+            behind = S[INERTIA_ + l] * max(S[SHARE_ + l], SMALL)
+            S[DDQL_ + l] = al * (behind / (behind + S[ADDED_ + l])) - arm / (behind + S[ADDED_ + l])
     elif ends == SPRING:
         for l in range(LANES):
             pull = S[OMEGA_ + l] * (S[QS_ + l] - S[QLS_ + l])
             al = S[OMEGA_ + l] * (pull + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
-            whole = S[INERTIA_ + l] + S[ADDED_ + l]
-            S[R_ + l] -= whole * S[SHARE_ + l] * al
-            S[DDQ_ + l] = S[R_ + l] / (whole * (1.0 - S[SHARE_ + l]))
+            S[R_ + l] -= S[INERTIA_ + l] * S[SHARE_ + l] * al
+            S[DDQ_ + l] = S[R_ + l] / (S[INERTIA_ + l] * (1.0 - S[SHARE_ + l]))
             arm = S[ARM_ + l] + S[ARM_VISCOUS_ + l] * S[DQLS_ + l]
-            S[DDQL_ + l] = al - arm / (whole * max(S[SHARE_ + l], SMALL))
+            behind = S[INERTIA_ + l] * max(S[SHARE_ + l], SMALL)
+            S[DDQL_ + l] = al * (behind / (behind + S[ADDED_ + l])) - arm / (behind + S[ADDED_ + l])
     else:
         for l in range(n):
             S[DDQ_ + l], S[DDQL_ + l], between = _joined(
@@ -1863,7 +1966,7 @@ def _loaded_pairs(S, p, on, any_on, several):
     """Adds to planar pairs the loads that have been picked up: inertias, and of a load at the end of the second link
     also what it couples and its weight."""
     _laden(S, p, on, LANES, several)
-    if (CARRIED >= 0 and any_on[CARRIED]) or (HUNG >= 0 and any_on[HUNG]):
+    if _reaches(any_on):
         for l in range(HALF):
             m = l + HALF
             added, reach = S[ADDED_ + m] / S[RATIO_ + l], _reach(p[m], on[m])
@@ -1952,16 +2055,15 @@ def _parted_pairs(S, p, on, any_on, dry, hanging, several):
         if steep:
             al *= _steepened(abs(d), abs(deep), S[HALF_ + l], S[STEEP_ + l])
         al *= max(1.0 * (abs(d) > S[HALF_ + l]) * (1.0 * (al * d >= 0.0)), S[SPRING_ + l])
-        whole = S[INERTIA_ + l] + S[ADDED_ + l]
-        S[BEHIND_ + l] = whole * S[SHARE_ + l]
+        S[BEHIND_ + l] = S[INERTIA_ + l] * S[SHARE_ + l]
         S[DRIVE_ + l] = S[BEHIND_ + l] * al
         S[R_ + l] -= S[DRIVE_ + l]
-        S[DDQ_ + l] = S[R_ + l] / (whole * (1.0 - S[SHARE_ + l]))
+        S[DDQ_ + l] = S[R_ + l] / (S[INERTIA_ + l] * (1.0 - S[SHARE_ + l]))
     for l in range(LANES):
         parted, whole = S[PARTED_ + l], 1.0 - S[PARTED_ + l]
         against = S[ARM_ + l] + S[ARM_VISCOUS_ + l] * S[DQLS_ + l]
         S[DRIVE_ + l] = parted * (S[DRIVE_ + l] - against) + whole * S[R_ + l]
-        S[BEHIND_ + l] = parted * S[BEHIND_ + l] + whole * (S[INERTIA_ + l] + S[ADDED_ + l])
+        S[BEHIND_ + l] = parted * S[BEHIND_ + l] + whole * S[INERTIA_ + l] + S[ADDED_ + l]
         S[ANGLE_ + l] = parted * S[QLS_ + l] + whole * S[QS_ + l]
         S[RATE_ + l] = parted * S[DQLS_ + l] + whole * S[DQS_ + l]
     _posed_pairs(S, ANGLE_, PLACE_, hanging)
@@ -2124,7 +2226,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     shared = False
     for l in range(n):
         shared = shared or (parted[l] and p[l, ARM_FRICTION] > 0.0)
-    hanging = HUNG >= 0 and any_on[HUNG]
+    hanging = _hangs(any_on)
     senses, sees = _sensing(any_on), _load_side(any_on)
     weighs = LIGHT if _weighing(any_on) or x.shape[1] > 3 or hanging else 0
     altered = has[0] or (LAG >= 0 and any_on[LAG])  # on its way through the amplifier, but for a delay
@@ -2231,9 +2333,20 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
         per_step = 1.0 / h
         for i in range(substeps):
             now = t[k] - t0 + i * h
-            if GRASP >= 0 and any_on[GRASP]:
-                for l in range(n):
-                    S[DQ_ + l] = _grasp(now, h, S[DQ_ + l], p[l], on[l])
+            if _grips(any_on):
+                for l in range(n if rigid is None else 0):
+                    S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l] = _slowed(
+                        now, h, S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l], p[l], on[l])
+                for l in range(0 if rigid is None else HALF):
+                    m = l + HALF
+                    (S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l],
+                     S[Q_ + m], S[DQ_ + m], S[QL_ + m], S[DQL_ + m]) = _slowed_pair(
+                        now, h, S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l], S[Q_ + m], S[DQ_ + m], S[QL_ + m],
+                        S[DQL_ + m], p[l], p[m], on[l], on[m], S[COUPLING_ + l], S[RATIO_ + l], S[SHARED_ + l])
+                for l in range(LANES if rigid is not None else n):
+                    _, S[INSTANT_ + l], _, _ = _load_of(p[l], on[l])
+                    for _, first in AT_REST:
+                        S[(FIRST_PARAMETER + first + 1) * LANES + l] = p[l, first + 1]
             if direct:
                 for l in range(LANES):
                     S[U_ + l] = S[COMMAND_ + l]

@@ -158,8 +158,11 @@ def test_time_enters_the_laws_of_disturbances_and_events_only() -> None:
         "payload_change",
         "payload_change_at_rest",
         "payload_change_carried",
+        "payload_change_carried_at_rest",
         "payload_change_hung",
+        "payload_change_hung_at_rest",
         "payload_change_weighed",
+        "payload_change_weighed_at_rest",
         "periodic_disturbance",
     }
 

@@ -138,6 +138,23 @@ def test_lanes_are_one_candidate_at_a_time_bit_by_bit(effects: int, seed: int) -
     assert np.array_equal(batched(*every), one_by_one(*every))
 
 
+@pytest.mark.parametrize("spring", [False, True])
+@pytest.mark.parametrize("name", ["payload_change_at_rest", "payload_change_weighed_at_rest"])
+def test_loads_that_rested_are_picked_up_within_a_step(name: str, spring: bool) -> None:
+    parameters, switches, starts = candidates(2 * LANES + 3, 6, 0)
+    by_name = {effect.name: effect for effect in KERNEL.effects}
+    plain = batched(parameters, switches, starts)
+    switches[:, 0, KERNEL.switches[name]] = True
+    parameters[..., 0, KERNEL.own(by_name[name])] = (0.02, 0.3007, 0.4, 0.2)[: by_name[name].size]
+    if spring:
+        switches[::2, 0, KERNEL.switches["joint_flexibility"]] = True
+        parameters[..., 0, KERNEL.own(by_name["joint_flexibility"])] = 0.4, 9.0, 0.1
+    found = batched(parameters, switches, starts)
+    assert np.array_equal(found, one_by_one(parameters, switches, starts))
+    assert spring or np.array_equal(found[:, :150], plain[:, :150])
+    assert np.all(np.any(found != plain, axis=1))
+
+
 @pytest.mark.parametrize("arm", [False, True])
 def test_torques_from_outside_and_an_observer_of_the_velocity(arm: bool) -> None:
     parameters, switches, starts = candidates(2 * LANES + 3, 9, 1)
@@ -280,7 +297,16 @@ def test_an_effect_on_one_joint_of_all_pairs_and_of_some(name: str, joint: int) 
 
 
 @pytest.mark.parametrize("parted", [False, True])
-@pytest.mark.parametrize("name", ["payload_change_carried", "payload_change_hung", "gravity_tilt"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "payload_change_carried",
+        "payload_change_hung",
+        "payload_change_at_rest",
+        "payload_change_hung_at_rest",
+        "gravity_tilt",
+    ],
+)
 def test_what_acts_on_both_joints_of_a_pair(name: str, parted: bool) -> None:
     by_name = {effect.name: effect for effect in KERNEL.effects}
     effect = by_name[name]

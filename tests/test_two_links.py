@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from diagnosis.engine import find
-from diagnosis.nominal import JointStructure
+from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.parameters import JointUnits
 from diagnosis.partial_residual import partial_residuals
 from diagnosis.problem import stack
+from diagnosis.search import try_all
 from envs.log import JointFacts, Log
 from methods.effects import built_in
 from methods.kernel import build
@@ -26,10 +27,13 @@ CANDIDATES = [
 ]
 
 
-def moved(seed: int, pull: tuple[float, float], load: float, braked: float = 0.0, samples: int = 3000) -> Log:
+def moved(
+    seed: int, pull: tuple[float, float], load: float, braked: float = 0.0, samples: int = 3000, rested: bool = False
+) -> Log:
     """Two rods under servos that are pulled along x and y of their plane; they pick up a load at the end.
 
     Textbook equations of the double pendulum, twenty steps a sample. braked: share of the damping that is the servos'.
+    rested: whether the load did until then, so that the links lose momentum to it.
     """
     (l1, l2), (m1, m2) = LENGTHS, MASSES
     rng, time = np.random.default_rng(seed), DT * np.arange(samples)
@@ -43,6 +47,12 @@ def moved(seed: int, pull: tuple[float, float], load: float, braked: float = 0.0
         m = load * (time[k] >= PICKED_UP)
         one, two = 0.05 + m1 * l1**2 / 4 + (m2 + m) * l1**2, 0.02 + m2 * l2**2 / 4 + m * l2**2
         couples = l1 * l2 * (m2 / 2 + m)
+        if rested and m > 0.0 and time[k] - DT < PICKED_UP:
+            tip = np.array([[-l1 * np.sin(q1) - l2 * np.sin(q1 + q2), -l2 * np.sin(q1 + q2)],
+                            [l1 * np.cos(q1) + l2 * np.cos(q1 + q2), l2 * np.cos(q1 + q2)]])  # fmt: skip
+            cross = two + couples * np.cos(q2)
+            after = np.array([[one + two + 2 * couples * np.cos(q2), cross], [cross, two]])
+            d1, d2 = np.linalg.solve(after, (after - m * tip.T @ tip) @ (d1, d2))
         first, second = l1 * (m1 / 2 + m2 + m), l2 * (m2 / 2 + m)
         for _ in range(PARTS):
             c, s = np.cos(q2), np.sin(q2)
@@ -98,3 +108,14 @@ def test_what_acts_on_both_links_is_found_as_one_arms(
             law = sine * np.sin(part.x) + cosine * np.cos(part.x)
             assert np.std(part.laws[0][1] - law) < 0.1 * np.std(law)
             assert np.max(np.abs(part.laws[0][1] - law)) < 0.5 * np.std(law)
+
+
+def test_a_load_that_rested_takes_its_momentum_from_both_links() -> None:
+    problem = stack(KERNEL, [moved(seed, (0.0, 0.0), LOAD, rested=True) for seed in (1, 2)], (1, 2), pair=True)
+    structure = JointStructure(input="torque", gravity="none")
+    forms = [(effect, 1) for effect in EFFECTS if effect.label == "payload_change" and not effect.after]
+    best, second, *_ = try_all(problem, fit_nominal(problem, (structure, structure)), forms)
+    assert best.name == "payload_change_carried_at_rest"
+    assert best.evidence > second.evidence + 1000.0
+    values = best.fitted.point.parameters[0, 1, KERNEL.own(best.effect)]
+    assert values == pytest.approx((0.072, PICKED_UP, 4 / 3), rel=0.01)

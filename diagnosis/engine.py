@@ -202,14 +202,20 @@ def in_motion(
     is_first: bool = False,
 ) -> tuple[Problem, Finding] | None:
     """What the band in which the joint moved shows by itself, and the problem there; None where it is no narrower or
-    too short. is_first: the whole band is still to be searched, so nothing is sought here where noise alone is left."""
+    too short. is_first: the whole band is still to be searched, so nothing is sought here where noise alone is left, and
+    other laws are tried where more is: here that is cheap, and the whole band begins from what is found."""
     narrow = in_band(problem)
     if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
         return None
     tell("in the band of the motion")
     budget = settings.budget // 2 if is_first else settings.budget
     inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded, budget=budget), tell)
-    return narrow, inner.concluded(inner.grown(inner.start, is_first=is_first))
+    path = inner.grown(inner.start, is_first=is_first)
+    found = inner.concluded(path)
+    if is_first and found.verdict == "unknown":
+        path = inner.exchanged(path)
+        found = inner.concluded(path)
+    return narrow, found
 
 
 def continued(

@@ -28,9 +28,21 @@ from diagnosis.choice import (
     textbook,
 )
 from diagnosis.competition import confirmed, in_other_terms, other_forms, other_laws, simpler_rivals
-from diagnosis.engine import SPRUNG, Fork, Path, Search, carried_over, find, has_play, is_foreseen, quiet, with_jitter
+from diagnosis.engine import (
+    SPRUNG,
+    Fork,
+    Path,
+    Search,
+    carried_over,
+    find,
+    has_play,
+    in_motion,
+    is_foreseen,
+    quiet,
+    with_jitter,
+)
 from diagnosis.estimation import Fitted, errors, finish, fit, plain, predicted_motion, sensitivities
-from diagnosis.finding import Accepted, Finding, near_equals, stood_for
+from diagnosis.finding import Accepted, Finding, Verdict, near_equals, stood_for
 from diagnosis.first_fits import nearest, retuned
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, scan, sizes_of, withdraw
 from diagnosis.imitation import Signals, imitating, resistance
@@ -1121,6 +1133,26 @@ def test_the_whole_band_goes_on_from_what_the_band_of_the_motion_has_found(monke
     assert finding.final.point.value("coulomb_friction.torque@0") == pytest.approx(0.2, rel=0.01)
     (item,) = finding.accepted
     assert item.scored.decrease > 0.9 * (finding.nominal.criterion - finding.final.criterion)
+
+
+@pytest.mark.parametrize(("verdict", "is_first"), [("unknown", True), ("unknown", False), ("named", True)])
+def test_other_laws_are_tried_in_the_band_of_the_motion_before_the_whole_band_begins_from_it(
+    verdict: Verdict, is_first: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noise = 2e-3 * np.random.default_rng(0).standard_normal(15_000)
+    problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.2}}, noise, 30.0)], (1,))
+
+    def concluded(search: Search, path: Path) -> Finding:
+        said = verdict if not path.steps[1:] else "named"
+        return Finding(said, search.nominal, (), path.base, path.left, path.steps)
+
+    monkeypatch.setattr(Search, "concluded", concluded)
+    monkeypatch.setattr(Search, "grown", lambda search, path, **known: path)
+    monkeypatch.setattr(Search, "exchanged", lambda search, path: replace(path, steps=(*path.steps, path.base)))
+    found = in_motion(problem, (JointStructure(),), EFFECTS, Settings(), lambda text: None, is_first=is_first)
+    assert found is not None
+    assert len(found[1].steps) == 1 + (verdict == "unknown" and is_first)
+    assert found[1].verdict == (verdict if len(found[1].steps) == 1 else "named")
 
 
 def test_one_event_has_one_name() -> None:

@@ -202,8 +202,11 @@ def in_motion(
     is_first: bool = False,
 ) -> tuple[Problem, Finding] | None:
     """What the band in which the joint moved shows by itself, and the problem there; None where it is no narrower or
-    too short. is_first: the whole band is still to be searched, so nothing is sought here where noise alone is left, and
-    other laws are tried where more is: here that is cheap, and the whole band begins from what is found."""
+    too short.
+
+    is_first: the whole band is still to be searched, so nothing is sought here where noise alone is left. Where more
+    is, other laws are tried: here that is cheap, and the whole band begins from what is found.
+    """
     narrow = in_band(problem)
     if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
         return None

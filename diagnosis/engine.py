@@ -216,8 +216,7 @@ def in_motion(
     path = inner.grown(inner.start, is_first=is_first)
     found = inner.concluded(path)
     if is_first and found.verdict == "unknown":
-        path = inner.exchanged(path)
-        found = inner.concluded(path)
+        found = inner.concluded(inner.exchanged(path))
     return narrow, found
 
 

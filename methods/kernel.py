@@ -870,6 +870,7 @@ MOVING = ((PAYLOAD, PAYLOAD_P), (WEIGHED, WEIGHED_P), (CARRIED, CARRIED_P), (HUN
 AT_REST = ((RESTED, RESTED_P), (RESTED_WEIGHED, RESTED_WEIGHED_P), (RESTED_CARRIED, RESTED_CARRIED_P),
            (RESTED_HUNG, RESTED_HUNG_P))
 ON_THE_ARM = ((CARRIED, CARRIED_P), (HUNG, HUNG_P), (RESTED_CARRIED, RESTED_CARRIED_P), (RESTED_HUNG, RESTED_HUNG_P))
+HANGING = ((HUNG, HUNG_P), (RESTED_HUNG, RESTED_HUNG_P))
 LOADS = MOVING + AT_REST
 LONG_AGO = -1e300
 
@@ -927,7 +928,7 @@ def _reach(p, on):
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _hung(t, p, on):
     """Sine and cosine part of the weight of such a load at time t."""
-    for form, first in ((HUNG, HUNG_P), (RESTED_HUNG, RESTED_HUNG_P)):
+    for form, first in HANGING:
         if form >= 0 and on[form]:
             share = _present_share(t, p, first + 1)
             return share * p[first + 3], share * p[first + 4]
@@ -935,33 +936,9 @@ def _hung(t, p, on):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _reaches(on):
-    """Whether there is such a load."""
-    for form, _ in ON_THE_ARM:
-        if form >= 0 and on[form]:
-            return True
-    return False
-
-
-@njit(cache=True, forceinline=True, error_model='numpy')
-def _hangs(on):
-    """Whether such a load has a weight."""
-    return (HUNG >= 0 and on[HUNG]) or (RESTED_HUNG >= 0 and on[RESTED_HUNG])
-
-
-@njit(cache=True, forceinline=True, error_model='numpy')
-def _carries(on):
-    """Whether a payload is picked up or put down."""
-    for form, _ in LOADS:
-        if form >= 0 and on[form]:
-            return True
-    return False
-
-
-@njit(cache=True, forceinline=True, error_model='numpy')
-def _grips(on):
-    """Whether a load is picked up that rested."""
-    for form, _ in AT_REST:
+def _any_of(forms, on):
+    """Whether a load of one of these forms is picked up."""
+    for form, _ in forms:
         if form >= 0 and on[form]:
             return True
     return False
@@ -1918,9 +1895,9 @@ def _rates_lanes(S, p, on, any_on, all_on, whole, since, to, has, parted, xs, n,
         else:
             _planar_lanes(S, p, on, any_on, has[3], hanging, several)
         return
-    if _carries(any_on):
+    if _any_of(LOADS, any_on):
         _laden(S, p, on, n, several)
-    if ends == ONE_BODY and _carries(any_on):
+    if ends == ONE_BODY and _any_of(LOADS, any_on):
         for l in range(LANES):
             whole = S[INERTIA_ + l] + S[ADDED_ + l]
             bare = 1.0 * (whole == S[INERTIA_ + l])
@@ -1966,7 +1943,7 @@ def _loaded_pairs(S, p, on, any_on, several):
     """Adds to planar pairs the loads that have been picked up: inertias, and of a load at the end of the second link
     also what it couples and its weight."""
     _laden(S, p, on, LANES, several)
-    if _reaches(any_on):
+    if _any_of(ON_THE_ARM, any_on):
         for l in range(HALF):
             m = l + HALF
             added, reach = S[ADDED_ + m] / S[RATIO_ + l], _reach(p[m], on[m])
@@ -2004,7 +1981,7 @@ def _planar_lanes(S, p, on, any_on, dry, hanging, several):
 
     hanging: whether gravity acts on any of them. R ends as the torques on what does not rest.
     """
-    if _carries(any_on):
+    if _any_of(LOADS, any_on):
         _loaded_pairs(S, p, on, any_on, several)
     _posed_pairs(S, QS_, WEIGHT_, hanging)
     for l in range(HALF):
@@ -2045,7 +2022,7 @@ def _parted_pairs(S, p, on, any_on, dry, hanging, several):
     those that have a spring or a play (PARTED) and those that have none. What rests, and what no row says, goes one
     pair after the other."""
     steep = PLAY_POWER >= 0 and any_on[PLAY_POWER]
-    if _carries(any_on):
+    if _any_of(LOADS, any_on):
         _loaded_pairs(S, p, on, any_on, several)
     for l in range(LANES):
         S[GIVEN_ + l] = S[R_ + l]
@@ -2226,7 +2203,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     shared = False
     for l in range(n):
         shared = shared or (parted[l] and p[l, ARM_FRICTION] > 0.0)
-    hanging = _hangs(any_on)
+    hanging = _any_of(HANGING, any_on)
     senses, sees = _sensing(any_on), _load_side(any_on)
     weighs = LIGHT if _weighing(any_on) or x.shape[1] > 3 or hanging else 0
     altered = has[0] or (LAG >= 0 and any_on[LAG])  # on its way through the amplifier, but for a delay
@@ -2333,7 +2310,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
         per_step = 1.0 / h
         for i in range(substeps):
             now = t[k] - t0 + i * h
-            if _grips(any_on):
+            if _any_of(AT_REST, any_on):
                 for l in range(n if rigid is None else 0):
                     S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l] = _slowed(
                         now, h, S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l], p[l], on[l])

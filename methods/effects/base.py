@@ -227,6 +227,16 @@ class Effect:
         return any(name == u or (isinstance(u, tuple) and name in u) for u in used)
 
 
+def exclusive(forms: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Forms of one law, each excluding the others, save those that contain it or are contained in it."""
+
+    def excluded(form: Effect) -> tuple[str, ...]:
+        apart = (f for f in forms if f is not form and f.name not in form.includes and form.name not in f.includes)
+        return tuple(f.name for f in apart)
+
+    return tuple(replace(form, excludes=excluded(form)) for form in forms)
+
+
 def instances(effect: Effect, count: int) -> tuple[Effect, ...]:
     """An effect that may occur up to `count` times, as effects of their own."""
     names = [effect.name, *(f"{effect.name}_{number}" for number in range(2, count + 1))]

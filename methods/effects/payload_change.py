@@ -7,7 +7,7 @@ Source: W. Khalil, E. Dombre, Modeling, Identification and Control of Robots, se
 import math
 from dataclasses import replace
 
-from methods.effects.base import Effect, EffectParameter
+from methods.effects.base import Effect, EffectParameter, exclusive
 
 EFFECT = Effect(
     name="payload_change",
@@ -133,11 +133,4 @@ def at_rest(form: Effect) -> Effect:
     )
 
 
-def apart(form: Effect, forms: tuple[Effect, ...]) -> Effect:
-    """The form with those that cannot be beside it: all that neither contain it nor are in it."""
-    names = [other.name for other in forms if other.name not in form.includes and form.name not in other.includes]
-    return replace(form, excludes=tuple(name for name in names if name != form.name))
-
-
-FORMS = (*MOVING, *map(at_rest, MOVING))
-EFFECTS = tuple(apart(form, FORMS) for form in FORMS)
+EFFECTS = exclusive((*MOVING, *map(at_rest, MOVING)))

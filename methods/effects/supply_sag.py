@@ -6,7 +6,7 @@ Source: Rhoban, BAM: better actuator models for servo actuators, 2024 (supply me
 
 from dataclasses import replace
 
-from methods.effects.base import Effect, EffectParameter
+from methods.effects.base import Effect, EffectParameter, exclusive
 
 
 def command(u, t, q, dq, w, p):
@@ -114,12 +114,4 @@ BY_BATTERY = replace(
 )
 """As behind the resistance of a battery, which takes power back: its voltage rises while the motor brakes."""
 FORMS = (EFFECT, LEVELLING, BY_COMMAND, BY_POWER, BY_DUTY, BY_BATTERY)
-
-
-def excluded(form):
-    """The other forms of the law, save those that contain this one or are contained in it."""
-    apart = (f for f in FORMS if f is not form and f.name not in form.includes and form.name not in f.includes)
-    return tuple(f.name for f in apart)
-
-
-EFFECTS = tuple(replace(form, excludes=excluded(form)) for form in FORMS)
+EFFECTS = exclusive(FORMS)

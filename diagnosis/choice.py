@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.constancy import is_the_same_everywhere, stands_apart
 from diagnosis.estimation import Fitted, errors
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import PER_LOG, Start, command_response
@@ -171,6 +172,11 @@ def choose(
             least_share = settings.faint
         elif law(scored.start) not in there:
             least_share = least_beside(scored.effect, hypothesis.joint, scored.evidence, accepted, settings)
+            if share < least_share and may_be_small(
+                scored.effect, hypothesis.joint, scored.evidence, accepted, settings
+            ):
+                is_same = is_the_same_everywhere(problem, scored.fitted, scored.effect, hypothesis.joint)
+                least_share = settings.material if is_same else least_share
         if share >= least_share:
             if not is_of_motion(problem, scored.fitted, base):
                 others = [s for s in ranked if s is not scored]
@@ -221,12 +227,27 @@ def least_beside(
     return (1.0 if doubtful else 0.5) * settings.relevant
 
 
+def may_be_small(effect: Effect, joint: int, evidence: float, accepted: Sequence[Accepted], settings: Settings) -> bool:
+    """Whether an effect is no repair of those that are there, however small it is, where it is the same everywhere."""
+    beside = [item.effect for item in accepted if item.joint == joint]
+    return evidence > settings.weak and stands_apart(effect, beside)
+
+
+def least_of_all(
+    effect: Effect, joint: int, evidence: float, accepted: Sequence[Accepted], settings: Settings
+) -> float:
+    """`least_beside` of an effect that is the same everywhere."""
+    if may_be_small(effect, joint, evidence, accepted, settings):
+        return settings.material
+    return least_beside(effect, joint, evidence, accepted, settings)
+
+
 def is_too_small(accepted: Sequence[Accepted], settings: Settings, explained: float, start: Start) -> bool:
     """Whether a regression says, with a wide margin, that a further effect could not be taken for its size."""
     most, hypothesis = UNDERSTATED * start.promise, start.hypothesis
     if not accepted or most > settings.inexact * explained:
         return False
-    return UNDERSTATED * start.share < least_beside(hypothesis.effect, hypothesis.joint, most, accepted, settings)
+    return UNDERSTATED * start.share < least_of_all(hypothesis.effect, hypothesis.joint, most, accepted, settings)
 
 
 def excludes(one: Scored, other: Scored) -> bool:

@@ -40,7 +40,7 @@ from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, st
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, hopped, with_laws
 from diagnosis.hypotheses import Hypothesis, Start, extend
-from diagnosis.imitation import imitating
+from diagnosis.imitation import alike, imitating, in_place
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
 from diagnosis.nominal import JointStructure, damping_settled, fit_nominal, limits_settled, windings_settled
@@ -81,6 +81,7 @@ from diagnosis.search import (
     plays,
     polish,
     ranking,
+    score,
     simpler,
     stuck,
     try_all,
@@ -353,6 +354,17 @@ def of_one_law(one: Accepted, other: Accepted) -> bool:
     return (one.label, one.joint) == (other.label, other.joint)
 
 
+def laws_of_one_signal(item: Accepted, candidates: Sequence[tuple[Effect, int]]) -> list[Effect]:
+    """The textbook's forms among the candidates of other laws that follow the signal of an effect of the joint."""
+    return [
+        effect
+        for effect, joint in candidates
+        if joint == item.joint and effect.variable == item.effect.variable and effect.label != item.label
+        if effect.name == effect.label and effect.scan is None and not effect.scatters
+        if item.name not in effect.includes
+    ]
+
+
 def shortened(path: Path, others: tuple[Accepted, ...], base: Fitted) -> Path:
     """The path with some of its effects only; base: the model with these."""
     present = frozenset(place for other in others for place in stood_for(other))
@@ -411,7 +423,7 @@ class Search:
                 complete = path.excess <= allowance(self.nominal, path.base)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
                 needed = max(needed, path.scattered)
-            repaired = self.reformed(path) or self.repaired(path, candidates, explained)
+            repaired = self.reformed(path) or self.renamed(path) or self.repaired(path, candidates, explained)
             if repaired is not None:
                 path = repaired
                 continue
@@ -470,6 +482,41 @@ class Search:
         if cost(problem, best.fitted, (*others, chosen)) >= self.cost(path) - self.settings.threshold:
             return None
         longer = self.advanced(shortened(path, others, smaller[item]), chosen)
+        return longer if self.cost(longer) < self.cost(path) - self.settings.threshold else None
+
+    def renamed(self, path: Path) -> Path | None:
+        """The path with another law of the same signal in the place of an earlier effect, where that does better beside
+        those that came later; None otherwise.
+
+        Which law of a signal it is may show only once others are there: beside large friction a weight is as good as a
+        spring, and waves over the position then make up for what that lacks.
+        """
+        problem, accepted = self.problem, path.accepted
+        candidates = self.candidates(path, is_full=False)
+        options = [(item, effect) for item in accepted[:-1] for effect in laws_of_one_signal(item, candidates)]
+        starts = each(lambda option: alike(problem, path.base, option[0].effect, option[1], option[0].joint), options)
+        begun = [(item, start) for (item, _), start in zip(options, starts, strict=True) if start is not None]
+        if not begun:
+            return None
+        self.tell("other laws of the same signals")
+        smaller = {item: without(problem, path.base, item) for item, _ in begun}
+        points = [in_place(problem, path.base, item.effect, start) for item, start in begun]
+        fitted = each(partial(either_way, problem), points)
+        fits = [
+            (item, score(problem, smaller[item], start, own)) for (item, start), own in zip(begun, fitted, strict=True)
+        ]
+        item, best = min(fits, key=lambda option: option[1].fitted.criterion + option[1].price - option[0].scored.price)
+        others = tuple(other for other in accepted if other is not item)
+        if (
+            cost(problem, best.fitted, (*others, replace(item, scored=best)))
+            >= self.cost(path) - self.settings.threshold
+        ):
+            return None
+        explained = self.nominal.criterion - smaller[item].criterion
+        chosen = choose(problem, smaller[item], [best], self.settings, explained, others)
+        if chosen is None:
+            return None
+        longer = self.advanced(shortened(path, others, smaller[item]), replace(chosen, considered=item.considered))
         return longer if self.cost(longer) < self.cost(path) - self.settings.threshold else None
 
     def repaired(self, path: Path, candidates: Sequence[tuple[Effect, int]], explained: float) -> Path | None:

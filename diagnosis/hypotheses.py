@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import compress
+from itertools import compress, pairwise
 from math import prod
 
 import numpy as np
@@ -45,6 +45,10 @@ LENGTHS = 40
 """How many of them count as searched."""
 NEVER = 2.0
 """Instant, over the length of the longest log, of an event that a log does not have."""
+RINGING = 1.5
+"""Time [s] for which a joint answers to a short pulse, at most."""
+STRUCK = 6
+"""Responses to such pulses that are compared."""
 AT_ONCE = 16
 """Hypotheses that are simulated at once."""
 MEMORY = 4_000_000
@@ -388,22 +392,36 @@ class Adjoint:
 
 
 def adjoint(problem: Problem, base: Fitted, joint: int) -> Adjoint:
-    """Impulse response by simulation of a short pulse on the nominal model, correlation by FFT per log.
+    """Impulse response by simulation of short pulses, correlation by FFT per log.
 
-    The pulse comes where the joint moves most while the response lasts: one that friction holds would not answer.
+    The pulses come where the joint is fast and moves most while the response lasts: one that friction holds would not
+    answer. The weakest response of those that are no weaker than their mean square is taken.
     """
-    window = slice(problem.bounds[0], problem.bounds[1])
-    length = min(int(1.5 / problem.sample_time), (problem.bounds[1] - problem.bounds[0]) // 2)
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(problem.reading[window, joint])))])
-    first = min(int(problem.burn_in / problem.sample_time), len(way) - length - 1)
-    at = problem.bounds[0] + first + int(np.argmax(way[first + length :] - way[first : len(way) - length]))
-    size = 0.05 * float(np.sqrt(np.mean(problem.command[window, joint] ** 2))) + 1e-12
-    extra = np.zeros((1, len(problem.time), problem.joints))
-    extra[0, at, joint] = size
-    plain = np.zeros_like(extra)
-    out = errors(problem, [base.point, base.point], extra=np.concatenate([extra, plain]))
-    response = (out[0] - out[1])[at : at + length, joint] / size
-    return matched(problem, base, joint, np.convolve(response, base.whitener.coefficients[joint])[:length])
+    length = min(int(RINGING / problem.sample_time), int(np.min(np.diff(problem.bounds))) // 2)
+    at = _struck(problem, np.abs(predicted_motion(problem, base.point)[:, joint, 1]), length)
+    size = 0.05 * float(np.sqrt(np.mean(problem.command[:, joint] ** 2))) + 1e-12
+    extra = np.zeros((len(at) + 1, len(problem.time), problem.joints))
+    extra[np.arange(len(at)), at, joint] = size
+    out = errors(problem, [base.point] * len(extra), extra=extra)[:, :, joint]
+    responses = [
+        np.convolve((own - out[-1])[i : i + length] / size, base.whitener.coefficients[joint])[:length]
+        for i, own in zip(at, out[:-1], strict=True)
+    ]
+    energy = np.sum(np.square(responses), axis=1)
+    chosen = int(np.argmin(np.where(energy >= np.mean(energy), energy, np.inf)))
+    return matched(problem, base, joint, responses[chosen])
+
+
+def _struck(problem: Problem, speed: Array, length: int) -> list[int]:
+    """Instants of pulses: where the speed (T,) is largest early in each of the windows of so many samples in which the
+    joint moves most."""
+    found = []
+    for a, b in pairwise(problem.bounds):
+        last = b - length
+        for begin in range(min(a + int(problem.burn_in / problem.sample_time), last), last + 1, length):
+            early = speed[begin : min(begin + length // 2, last) + 1]
+            found.append((float(np.sum(speed[begin : begin + length])), begin + int(np.argmax(early))))
+    return [at for _, at in sorted(found, reverse=True)[:STRUCK]]
 
 
 def matched(problem: Problem, base: Fitted, joint: int, response: Array) -> Adjoint:

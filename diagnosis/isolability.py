@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.choice import least_beside
+from diagnosis.choice import least_of_all
 from diagnosis.estimation import Fitted, Point, errors, finish
 from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
@@ -109,13 +109,13 @@ def least_size(response: Response, energy: float, price: float, finding: Finding
     """Least multiple of its trial size from which an effect on joint index j would be taken.
 
     It has to be more than noise, and than what the search puts down to inexact laws of the effects that are there
-    (`diagnosis.choice.least_beside`), unless it explains a good part of all. energy: of its response in all logs.
+    (`diagnosis.choice.least_of_all`), unless it explains a good part of all. energy: of its response in all logs.
     """
     explained = finding.nominal.criterion - finding.final.criterion if finding.accepted else 0.0
     known = (settings.threshold + price) / energy
     certain = float(np.sqrt(max(known, settings.minor * explained / energy)))
     evidence = energy * certain**2 - price
-    beside = least_beside(response.effect, j, evidence, finding.accepted, settings) / max(response.share, 1e-300)
+    beside = least_of_all(response.effect, j, evidence, finding.accepted, settings) / max(response.share, 1e-300)
     large = np.sqrt(max(known, settings.inexact * explained / energy))
     return min(max(certain, beside), max(float(large), settings.faint / max(response.share, 1e-300)))
 

@@ -11,6 +11,7 @@ import numpy as np
 from diagnosis.arm_damping import undivided
 from diagnosis.beginning import started
 from diagnosis.choice import materiality, tells_no_amplifier
+from diagnosis.constancy import is_the_same_everywhere, stands_apart
 from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import proposals, sizes_of, withdraw
@@ -31,6 +32,8 @@ SURE = 20.0
 """Wald statistic of an effect, over what its removal has to cost, from which it is taken to cost that."""
 CLEARLY = 0.9
 """Share of the error of free simulation that a spring or a play leaves at most, beside torques of an arm."""
+KEPT = 0.25
+"""Share of what a wave explains per fitted sample that it has to explain per sample of data that nobody fitted."""
 CLEARED = 0.1
 """What may stay unexplained, as a share of what a small effect explains, for it to be more than a repair of a law."""
 
@@ -262,6 +265,12 @@ def general(
                 or (not is_weak and item.material > settings.relevant)
                 or (not is_weak and all(tells_no_amplifier(item.effect, other) for other in others))
                 or moved_by(held_out, before(), there, less) > settings.trace
+                or (
+                    not is_weak
+                    and stands_apart(item.effect, others)
+                    and misfit(less) - misfit(there) > KEPT * loss * held_out.used.sum() / problem.used.sum()
+                    and is_the_same_everywhere(problem, base, item.effect, item.joint)
+                )
             )
         )
         if not shows:

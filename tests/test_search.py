@@ -28,6 +28,7 @@ from diagnosis.choice import (
     textbook,
 )
 from diagnosis.competition import confirmed, in_other_terms, other_forms, other_laws, simpler_rivals
+from diagnosis.constancy import is_the_same_everywhere, stands_apart
 from diagnosis.engine import (
     SPRUNG,
     Fork,
@@ -1585,6 +1586,75 @@ def test_a_small_effect_beside_a_large_one_repairs_its_law_only_on_the_same_join
     assert beside_lag("encoder_eccentricity", 50.0) == beside_lag("cogging_torque", 1e3) == 0.5 * Settings().relevant
 
 
+def test_another_law_of_the_same_signal_takes_the_place_of_one_that_was_found_beside_less() -> None:
+    """A weight that turned little looked like a spring while friction was missing; now nothing else can be meant."""
+    weight = {"sine": 2.5, "cosine": 0.4}
+    problem = problem_of({"gravity_tilt": weight, "coulomb_friction": {"torque": 0.3}})
+    effects = [NAMED[name] for name in ("gravity_tilt", "cable_spring", "coulomb_friction", "cogging_torque")]
+    search = Search.begin(problem, (JointStructure(),), effects, Settings(), lambda text: None)
+    spring = accepted(problem, search.nominal, "cable_spring", [2.5, 0.4])
+    friction = accepted(problem, spring.scored.fitted, "coulomb_friction", [0.3])
+    base = friction.scored.fitted
+    path = Path(base, (spring, friction), frozenset(), (search.nominal, base))
+    renamed = search.renamed(path)
+    assert renamed is not None
+    assert {item.name for item in renamed.accepted} == {"gravity_tilt", "coulomb_friction"}
+    assert search.cost(renamed) < search.cost(path) - 1000.0
+    assert search.renamed(renamed) is None
+
+
+def test_a_small_wave_is_taken_where_it_is_the_same_everywhere() -> None:
+    """One of the machine has one amplitude; one that makes up for an inexact law changes with the motion."""
+    noise = lambda seed: 1e-3 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    wave = {"sine": 4e-3, "cosine": 0.0, "cycles_per_rev": 3.0}
+    friction = {"coulomb_friction": {"torque": 0.3}}
+    logs = [record(friction | {"cogging_torque": wave}, noise(seed)) for seed in (1, 2)]
+    halves = [record(friction | {"cogging_torque": wave | {"sine": size}}, noise(3)) for size in (8e-3, 0.0)]
+
+    def taken(logs: list[Log]) -> bool:
+        problem = stack(KERNEL, logs, (1,))
+        nominal = fit_nominal(problem, (JointStructure(),))
+        there = accepted(problem, nominal, "coulomb_friction", [0.3])
+        base = there.scored.fitted
+        item = accepted(problem, base, "cogging_torque", [4e-3, 0.0, 3.0])
+        share = materiality(problem, item.scored.fitted, "cogging_torque", 0)
+        settings = Settings(relevant=2.5 * share, inexact=np.inf)  # half of that would do by itself
+        assert item.scored.evidence > settings.weak
+        explained = nominal.criterion - base.criterion
+        return choose(problem, base, [item.scored], settings, explained, (there,)) is not None
+
+    assert taken(logs)
+    assert not taken(halves)
+    assert not taken(logs[:1])  # one log does not tell
+
+
+def test_a_wave_whose_phase_is_free_in_every_log_has_to_be_in_each() -> None:
+    wave = {"sine": 4e-3, "cosine": 0.0, "frequency": 2.0}
+    both = [record({"periodic_disturbance": wave}), record({"periodic_disturbance": wave | {"sine": 5e-3}})]
+    lone = [both[0], record({})]
+
+    def is_same(logs: list[Log]) -> bool:
+        problem = stack(KERNEL, logs, (1,))
+        base = fit_nominal(problem, (JointStructure(),))
+        found = accepted(problem, base, "periodic_disturbance", [4e-3, 0.0, 2.0]).scored.fitted
+        return is_the_same_everywhere(problem, found, NAMED["periodic_disturbance"], 0)
+
+    assert is_same(both)
+    assert not is_same(lone)
+
+
+def test_which_effects_are_waves_of_their_own() -> None:
+    wave, disc, tone, tilt = (
+        NAMED[name] for name in ("cogging_torque", "encoder_eccentricity", "periodic_disturbance", "gravity_tilt")
+    )
+    friction, play = NAMED["coulomb_friction"], NAMED["backlash"]
+    assert all(stands_apart(effect, [friction]) for effect in (wave, disc, tone))
+    assert not stands_apart(tilt, [friction])
+    assert not stands_apart(wave, [tilt])
+    assert stands_apart(tone, [tilt])
+    assert not stands_apart(tone, [play])
+
+
 def test_what_a_regression_says_is_too_small_is_not_fitted() -> None:
     beside = (SimpleNamespace(joint=0, label="coulomb_friction", effect=NAMED["coulomb_friction"]),)
     start = lambda promise, share: Start(  # noqa: E731
@@ -2172,6 +2242,25 @@ def test_the_response_to_a_torque_is_taken_where_the_joint_moves() -> None:
     held = fit(problem, extend(problem, nominal.point, Hypothesis(NAMED["coulomb_friction"], 0), np.array([[0.5]])))
     assert np.max(np.abs(adjoint(problem, held, 0).response)) > 0.0
     assert remainder(problem, held, 0).disturbance_share < 1.0
+
+
+def test_the_response_to_a_torque_is_taken_from_an_instant_at_which_the_joint_moves() -> None:
+    """In jerks, friction holds the joint where many of the windows begin in which it moves as much as in any other."""
+    time, jerk = DT * np.arange(8000), 0.25
+    since = np.mod(time, 0.55)
+    command = np.where(since < jerk, 4.0 * np.sin(2 * np.pi * since / jerk), 0.0)[:, None]
+    values = {"coulomb_friction": {"torque": 0.5}}
+    model = StructuredModel((StructuredJoint(1, "voltage", JOINT, values),), DT, None, EFFECTS)
+    position = model.simulate(time, command, State.at_rest(0.0)).position
+    facts = JointFacts(input="voltage", position_unit="rad", encoder_step=STEP)
+    problem = stack(KERNEL, [Log(time, command, position, (1,), facts=(facts,), name="jerks")], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    point = extend(problem, nominal.point, Hypothesis(NAMED["coulomb_friction"], 0), np.array([[0.5]]))
+    point = point.taking({"inertia@0": 0.07, "back_emf@0": 0.72, "electrical_time_constant@0": 0.004, "timing@0": 0.0})
+    held = unfitted(problem, nominal, point, errors(problem, [point])[0])
+    free = replace(held, point=withdraw(problem, held.point, "coulomb_friction", 0))
+    energy = [float(np.sum(adjoint(problem, fitted, 0).response ** 2)) for fitted in (held, free)]
+    assert energy[0] > 0.1 * energy[1]
 
 
 def test_readings_of_simulators_get_the_noise_of_their_motion_wherever_the_logs_begin() -> None:

@@ -178,3 +178,20 @@ def retuned(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
     points = [fitted.point.taking({name: frequency + share / problem.longest}) for share in LOBES]
     fits = each(lambda point: fit(problem, point, rounds=2, iterations=6), points)
     return min(fitted, *fits, key=lambda option: option.criterion)
+
+
+def across(problem: Problem, fitted: Fitted, hypothesis: Hypothesis) -> Fitted:
+    """The fit with an effect begun again on the other side of a ridge of its law (`Effect.across`)."""
+    effect, j = hypothesis.effect, hypothesis.joint
+    if effect.across is None:
+        return fitted
+    own = problem.kernel.own(effect)
+    sides = [effect.across(values) for values in fitted.point.parameters[:, j, own].tolist()]
+    points = []
+    for rows in zip(*sides, strict=True):
+        parameters = fitted.point.parameters.copy()
+        parameters[:, j, own] = rows
+        point = replace(fitted.point, parameters=parameters)
+        points.append(point.within(point.vector))
+    fits = each(lambda point: fit(problem, point, rounds=2, iterations=12), points)
+    return min(fitted, *fits, key=lambda option: option.criterion)

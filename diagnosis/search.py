@@ -12,7 +12,7 @@ import numpy as np
 
 from diagnosis.arm_damping import on_arms_side, rubbing_behind, rubs
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
-from diagnosis.first_fits import first_fits, further, on_all_samples, retuned, seen_in_part
+from diagnosis.first_fits import across, first_fits, further, on_all_samples, retuned, seen_in_part
 from diagnosis.glance import Glance, can_be_glanced_at, glance
 from diagnosis.hypotheses import AT_ONCE, MEMORY, Hypothesis, Start, extend, proposals, sizes_of, withdraw
 from diagnosis.instants import apart_in, retimed
@@ -629,6 +629,7 @@ def polish(problem: Problem, base: Fitted, scored: Scored, iterations: int = 12)
     if any(scatters(problem, fitted.point, j) for j in range(problem.joints)):
         fitted = min(fitted, free_of_filter(problem, fitted.point), key=lambda option: option.criterion)
     fitted = retuned(problem, off_limits(problem, fitted, hypothesis), hypothesis)
+    fitted = across(problem, fitted, hypothesis)
     if fitted.criterion > scored.fitted.criterion:
         return scored
     return scored.refitted(base, fitted)

@@ -10,12 +10,12 @@ from collections import Counter
 from dataclasses import dataclass
 from functools import cache
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import pytest
 
 from benchmarks.blind.hidden import Hidden, Parameter, at_heat
-from benchmarks.blind.score import diagnose, outcome
+from benchmarks.blind.score import compared, diagnose, outcome
 from benchmarks.blind.trials import Trial, Truth, make_trial
 from benchmarks.blind.world import Heat
 from methods.effects import built_in
@@ -76,6 +76,27 @@ def test_an_error_of_the_clock_is_that_of_every_joint(name: str, outcomes: list[
     for joints, expected in zip(((1,), (2,), (1, 2)), outcomes, strict=True):
         effects = [{"joint": joint, "name": name, "alternatives": []} for joint in joints]
         assert outcome(truth, {"verdict": "named", "effects": effects}) == expected
+
+
+def test_of_several_harmonics_the_one_that_was_hidden_is_compared() -> None:
+    true = {
+        "cycles_per_rev": Parameter(48.0, "1/rev"),
+        "amplitude": Parameter(0.1, "V"),
+        "phase": Parameter(0.3, "rad"),
+    }
+    hidden = SimpleNamespace(joint=1, hidden=SimpleNamespace(name="cogging_torque", parameters=true))
+    truth = cast(Truth, SimpleNamespace(effects=(hidden,)))
+
+    def wave(cycles: float, amplitude: float) -> dict[str, Any]:
+        values = {"cycles_per_rev": cycles, "amplitude": amplitude}
+        parameters = {name: {"value": v, "input_equivalent": {"value": v, "std": 0.01}} for name, v in values.items()}
+        return {"joint": 1, "name": "cogging_torque", "parameters": parameters}
+
+    assert compared(truth, {"effects": [wave(96.0, 0.01), wave(48.1, 0.11)]}) == [
+        ("cogging_torque.cycles_per_rev", 48.0, 48.1, 0.01),
+        ("cogging_torque.amplitude", 0.1, 0.11, 0.01),
+    ]
+    assert compared(truth, {"effects": [{**wave(48.0, 0.1), "joint": 2}]}) == []
 
 
 @pytest.mark.parametrize("law", list(Heat))

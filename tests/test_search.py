@@ -1643,6 +1643,16 @@ def test_a_wave_whose_phase_is_free_in_every_log_has_to_be_in_each() -> None:
     assert not is_same(lone)
 
 
+@pytest.mark.parametrize("shape", [0.3, 2.0])
+def test_the_shape_of_a_pulse_is_found_on_either_side_of_the_ridge(shape: float) -> None:
+    """A pulse with edges of its own is as close to half a sine as it gets before it becomes one."""
+    pulse = {"torque": 0.5, "time": 4.1234, "duration": 0.16, "shape": shape}
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(5000)
+    finding = find(problem_of({"collision": pulse}, noise), (JointStructure(),), [NAMED["collision"]])
+    values = {name.partition(".")[2].partition("@")[0]: value for name, value in finding.final.point.values.items()}
+    assert [values[name] for name in pulse] == pytest.approx(list(pulse.values()), rel=0.01)
+
+
 def test_which_effects_are_waves_of_their_own() -> None:
     wave, disc, tone, tilt = (
         NAMED[name] for name in ("cogging_torque", "encoder_eccentricity", "periodic_disturbance", "gravity_tilt")

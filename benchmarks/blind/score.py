@@ -101,18 +101,24 @@ def outcome(truth: Truth, diagnosis: Mapping[str, Any]) -> str:
 
 
 def compared(truth: Truth, diagnosis: Mapping[str, Any]) -> list[tuple[str, float, float, float]]:
-    """(effect.parameter, true value, estimate, standard deviation), input-equivalent, of what was rightly named."""
+    """(effect.parameter, true value, estimate, standard deviation), input-equivalent, of what was rightly named.
+
+    Of several waves of one effect the one whose cycles are nearest is compared: a harmonic of it is no error.
+    """
     found = []
-    for item in diagnosis["effects"]:
-        for effect in truth.effects:
-            if (item["joint"], item["name"]) != (effect.joint, effect.hidden.name):
+    for effect in truth.effects:
+        own = [
+            item for item in diagnosis["effects"] if (item["joint"], item["name"]) == (effect.joint, effect.hidden.name)
+        ]
+        wave = effect.hidden.parameters.get("cycles_per_rev")
+        if wave is not None:
+            own.sort(key=lambda item: abs(item["parameters"]["cycles_per_rev"]["value"] - wave.value))
+        for name, parameter in effect.hidden.parameters.items() if own else ():
+            if name in INCIDENTAL or name not in own[0]["parameters"]:
                 continue
-            for name, parameter in effect.hidden.parameters.items():
-                if name in INCIDENTAL or name not in item["parameters"]:
-                    continue
-                estimate = item["parameters"][name]["input_equivalent"]
-                true = parameter.value if parameter.input_equivalent is None else parameter.input_equivalent
-                found.append((f"{item['name']}.{name}", true, estimate["value"], estimate["std"]))
+            estimate = own[0]["parameters"][name]["input_equivalent"]
+            true = parameter.value if parameter.input_equivalent is None else parameter.input_equivalent
+            found.append((f"{effect.hidden.name}.{name}", true, estimate["value"], estimate["std"]))
     return found
 
 

@@ -116,6 +116,8 @@ class Effect:
         ``position`` (cycles per revolution), ``event`` (instants), or None.
     ringing: proposes full parameter vectors with which the joint rings at a frequency [Hz] that stands out of the
         errors: a mode with little damping is found from close by only.
+    across: once it is fitted, further full parameter vectors from which it is begun again: where a law has a ridge, a
+        fit on one side of it does not find what lies on the other.
     variable: the signal against which the effect shows itself in a plot.
     includes: names of effects that this one contains as a special case. exchanges: nominal parameter that can stand in
         for the first parameter, or nothing. replaces: nominal parameter that has no meaning beside this effect.
@@ -153,6 +155,7 @@ class Effect:
     function: Callable | None = None
     scan: Literal["time", "position", "event"] | None = None
     ringing: Callable[[float], Sequence[tuple[float, ...]]] | None = None
+    across: Callable[[Sequence[float]], Sequence[tuple[float, ...]]] | None = None
     includes: tuple[str, ...] = ()
     neutral: tuple[float, ...] = ()
     exchanges: str = ""

@@ -24,6 +24,23 @@ def torque(t, q, dq, w, x, p):
     return -p[0] * s ** (3.0 - p[3])
 
 
+def moments(shape):
+    """Mean and variance over its length of a pulse of height and length 1."""
+    instants = [(i + 0.5) / 200.0 for i in range(200)]
+    heights = [-torque(x, 0.0, 0.0, 0.0, (), (1.0, 0.0, 1.0, shape)) for x in instants]
+    mean = sum(heights) / 200.0
+    return mean, sum(h * (x - 0.5) ** 2 for x, h in zip(instants, heights, strict=True)) / (200.0 * mean)
+
+
+def across(p):
+    """The pulse of the other kind, edged or a power of half a sine, with the same middle, impulse and variance: at a
+    shape of 1, where both meet, either may be farther from what is seen than before."""
+    shape = 2.0 if p[3] <= 1.0 else 0.5
+    (mean, variance), (other_mean, other_variance) = moments(p[3]), moments(shape)
+    lasts = p[2] * math.sqrt(variance / other_variance)
+    return [(p[0] * p[2] * mean / (lasts * other_mean), p[1] + 0.5 * (p[2] - lasts), lasts, shape)]
+
+
 EFFECT = Effect(
     name="collision",
     stage="arm",
@@ -48,4 +65,5 @@ EFFECT = Effect(
     source="Haddadin, De Luca, Albu-Schaeffer 2017",
     function=torque,
     scan="event",
+    across=across,
 )

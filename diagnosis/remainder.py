@@ -20,7 +20,7 @@ from scipy.linalg import cho_solve
 from scipy.ndimage import grey_closing
 from scipy.stats import chi2
 
-from diagnosis.encoder_waves import Wave, encoder_wave
+from diagnosis.encoder_waves import READINGS, STEPS, Wave, bumps, encoder_wave
 from diagnosis.estimation import Fitted, errors, predicted_motion, scatters, sensitivities, sticks
 from diagnosis.hypotheses import adjoint
 from diagnosis.jitter import jitter
@@ -55,6 +55,8 @@ DISTURBANCE = 0.03
 """Unlogged torque, as a share of the motor torque, that may be noise whatever the amplifier."""
 AMPLIFIER = 1.5e-3
 """The same as a share of the largest command: amplifiers are that noisy."""
+RATHER = 2.0
+"""What errors of the readings have to explain over what all torques of the remainder do."""
 LUCKY = 0.5
 """Share of what noise lets all functions of the remainder explain that it may let one effect explain."""
 
@@ -99,7 +101,8 @@ class Remainder:
     causes grow (`impacts`), or one that dry friction holds and lets go; deviations: rms of what it then makes of the
     free parameters, by their names. wave: one of the readings over the position (`diagnosis.encoder_waves`). rounded:
     whether the innovations are little else than the encoder's rounding, which is not independent of a slow motion, nor
-    of rest.
+    of rest. misread: decrease beyond what noise would give that errors of the readings over the position bring, where
+    torques bring far less of it.
     """
 
     dependences: tuple[Dependence, ...]
@@ -116,6 +119,7 @@ class Remainder:
     wave: Wave | None = None
     rounded: bool = False
     impacts: bool = False
+    misread: float = 0.0
 
     @property
     def growth(self) -> float:
@@ -129,8 +133,12 @@ class Remainder:
         White noise gives one per function with a standard deviation of sqrt(2 functions), all of it larger where small
         causes grow, and where a torque that nobody logged moves the joint at some times and not at others.
         """
-        chance = 1.3 * self.functions + 4.0 * np.sqrt(2.0 * self.functions)
-        return max(0.0, self.decrease - chance * self.growth)
+        return max(0.0, self.decrease - by_chance(self.functions) * self.growth)
+
+
+def by_chance(functions: int) -> float:
+    """Most of the decrease of -2 log likelihood that white noise lets functions explain."""
+    return 1.3 * functions + 4.0 * float(np.sqrt(2.0 * functions))
 
 
 def signals(problem: Problem, motion: Array, joint: int) -> dict[str, list[Array]]:
@@ -222,9 +230,12 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         growth = max(1.0, scattered(fitted, basis, scatter) / degrees)
         p = float(min(1.0, len(responses) * chi2.sf(max(decrease, 0.0) / growth, degrees)))
         found.append(Dependence(name, float(decrease), degrees, p))
+    whole = float(gain(every) - base)
+    misread, excess = misreading(problem, fitted, joint, scatter, whole)
+    found += [misread] if excess > 0.0 else []
     return Remainder(
         tuple(sorted(found, key=lambda d: -d.decrease / d.functions)),
-        float(gain(every) - base),
+        whole,
         sum(len(r) for r in responses.values()),
         rms(torque[problem.used]) / max(rms(problem.command[problem.used, joint]), 1e-150),
         *disturbance(problem, spectrum, motion),
@@ -235,7 +246,33 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         encoder_wave(problem, fitted, joint),
         rounded=bool(fitted.variances[joint] < ROUNDING * problem.encoder_step**2),
         impacts=scatters(problem, fitted.point, joint),
+        misread=excess,
     )
+
+
+def misreading(
+    problem: Problem, fitted: Fitted, joint: int, scatter: Array, torques: float
+) -> tuple[Dependence, float]:
+    """What smooth errors of the readings over the position would explain, and the part of it that neither noise nor the
+    rounding of the encoder accounts for; 0 where torques explain half as much, where small causes grow, or beside those
+    of the rest of an arm, which are as inexact as the readings of its joints. torques: what all groups explain."""
+    own, functions = bumps(problem, fitted, joint)
+    rows = np.zeros((len(own), problem.joints, own.shape[1]))
+    rows[:, joint] = own
+    basis = np.vstack([fitted.jacobian, rows.reshape(len(own), -1) * fitted.weights])
+    residual, total = fitted.innovation * fitted.weights, fitted.total
+    sizes, taken = project(basis, residual)
+    known = project(fitted.jacobian, residual)[1]
+    count = residual.size // problem.joints
+    decrease = -count * float(np.log(max(1.0 - taken / total, 1e-12) / max(1.0 - known / total, 1e-12)))
+    growth = max(1.0, scattered(fitted, basis, scatter) / len(own))
+    p = float(min(1.0, chi2.sf(max(decrease, 0.0) / growth, len(own))))
+    error = sizes[len(fitted.jacobian) :] @ functions[:, problem.used]
+    doubtful = problem.arm is not None or scatters(problem, fitted.point, joint)
+    excess = decrease - by_chance(len(own)) * growth
+    if doubtful or decrease < RATHER * torques or np.ptp(error) < STEPS * problem.encoder_step:
+        excess = 0.0
+    return Dependence(READINGS, decrease, len(own), p), max(0.0, excess)
 
 
 def remainders(problem: Problem, fitted: Fitted) -> tuple[Remainder, ...]:

@@ -50,7 +50,8 @@ def verdict(
     settings: Settings,
 ) -> Verdict:
     """none, named, ambiguous or unknown."""
-    errs = any(r.wave is not None for r in left)  # the readings themselves
+    misread = max(20.0, settings.minor * (nominal.criterion - final.criterion))
+    errs = any(r.wave is not None or r.misread > misread for r in left)  # the readings themselves
     if errs or unexplained(problem, nominal.criterion - final.criterion, left, settings):
         return "unknown"
     if any(item.rivals for item in accepted):

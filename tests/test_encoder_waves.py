@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from diagnosis.encoder_waves import encoder_wave
+from diagnosis.encoder_waves import READINGS, encoder_wave
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import stack
 from diagnosis.remainder import remainders
@@ -59,5 +59,33 @@ def test_a_wave_of_the_readings_is_found_and_makes_the_cause_unknown(
     if wave is not None:
         assert wave.cycles == pytest.approx(cycles, rel=0.01)
         assert wave.amplitude == pytest.approx(amplitude, rel=0.1)
+    if not effects:
+        assert verdict(problem, nominal, nominal, (), left, Settings()) == ("unknown" if is_found else "none")
+
+
+@pytest.mark.parametrize(
+    ("height", "step", "effects", "is_found"),
+    [
+        (2e-3, 1e-5, {}, True),
+        (0.0, 1e-5, {}, False),
+        (2e-3, 4e-3, {}, False),  # within the encoder's step
+        (0.0, 1e-5, {"cogging_torque": {"sine": 0.05, "cosine": 0.0, "cycles_per_rev": 4.0}}, False),  # a torque
+    ],
+)
+def test_a_bulge_of_the_readings_is_found_and_makes_the_cause_unknown(
+    height: float, step: float, effects: dict[str, dict[str, float]], is_found: bool
+) -> None:
+    logs = []
+    for seed in (1, 2):
+        time, command, position = motion(effects, seed)
+        reading = position + height * np.exp(-(((position - np.median(position)) / 0.15) ** 2))
+        reading += 2e-5 * np.random.default_rng(seed).standard_normal(position.shape)
+        facts = (JointFacts(input="voltage", position_unit="rad", encoder_step=step),)
+        logs.append(Log(time, command, step * np.round(reading / step), (1,), facts=facts, name=f"log {seed}"))
+    problem = stack(KERNEL, logs, (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    left = remainders(problem, nominal)
+    assert (left[0].misread > 0.0) == is_found
+    assert any(d.signal == READINGS for d in left[0].dependences) == is_found
     if not effects:
         assert verdict(problem, nominal, nominal, (), left, Settings()) == ("unknown" if is_found else "none")

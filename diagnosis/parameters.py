@@ -109,6 +109,14 @@ def _rise(p: Values) -> float:
     return p[HEAT] * r / (1.0 + share * r * (1.0 - p[HEAT]))
 
 
+_SPRING = Canonical(
+    {"stiffness": "torque per position", "damping": "torque per velocity", "inertia_ratio": "ratio"},
+    lambda p: {"stiffness": _stiffness(p), "damping": _damping(p), "inertia_ratio": p["inertia_ratio"]},
+)
+_STIFFENING = Canonical(
+    {**_SPRING.dimensions, "stiffening": "1/position squared"},
+    lambda p: {**_SPRING.change(p), "stiffening": p["stiffening"] * _stiffness(p) ** 2},
+)
 _BRISTLES = Canonical(
     {"torque": "torque", "stiffness": "torque per position", "damping": "torque per velocity"},
     lambda p: {
@@ -127,14 +135,9 @@ CANONICAL: dict[str, Canonical] = {
     "gravity_tilt": _wave("torque", "torque"),
     "periodic_disturbance": _wave("torque", "torque", ("frequency", "frequency")),
     "encoder_eccentricity": _wave("amplitude", "position"),
-    "joint_flexibility": Canonical(
-        {"stiffness": "torque per position", "damping": "torque per velocity", "inertia_ratio": "ratio"},
-        lambda p: {
-            "stiffness": _stiffness(p),
-            "damping": _damping(p),
-            "inertia_ratio": p["inertia_ratio"],
-        },
-    ),
+    "joint_flexibility": _SPRING,
+    "joint_flexibility_stiffening": _STIFFENING,
+    "joint_flexibility_stiffening_load_side": _STIFFENING,
     "backlash": Canonical(
         {
             "gap": "position",
@@ -201,6 +204,7 @@ def units(dimension: str, joint: JointUnits) -> tuple[str, str, float | None]:
         "inertia": (mass, f"{u} s^2/{x}", torque),
         "1/command": ("1/A", f"1/{u}", current),
         "1/command squared": ("1/A^2", f"1/{u}^2", None if current is None else current**2),
+        "1/position squared": (f"1/{x}^2",) * 2 + (1.0,),
         "time": ("s", "s", 1.0),
         "frequency": ("Hz", "Hz", 1.0),
         "position": (x, x, 1.0),

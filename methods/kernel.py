@@ -130,7 +130,7 @@ LANE_ROWS = (
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
     *("COMMAND", "READING", "BESIDE", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN"),
     *("FIRST_INERTIA", "CROSS", "SECOND_INERTIA", "COUPLED", "HUNG_SINE", "HUNG_COSINE"),
-    *("PARTED", "SPRING", "GIVEN", "BEHIND", "DRIVE", "ANGLE", "RATE", "ROTOR", "TURNING", "STEEP"),
+    *("PARTED", "SPRING", "GIVEN", "BEHIND", "DRIVE", "ANGLE", "RATE", "ROTOR", "TURNING", "STEEP", "STIFFENED"),
     *("LOADED", "INSTANT", "SUDDEN", "EVERY", "SEEN", "TIED", "LAGGED", "LAG_TIME"),
     *("COMMANDED", "GIVEN_FIRST", "GIVEN_HIGH", "GIVEN_LOW", "JUMPED"),
     *("WARM", "WARMER", "WARMING_TIME", "COPPERED", "STEADIED", "MEAN_SQUARE"),
@@ -165,6 +165,8 @@ STRUCTURAL = {
     "torque_ripple_reciprocal": "RIPPLE",
     "joint_flexibility": "FLEX",
     "joint_flexibility_load_side": "FLEX_LOAD",
+    "joint_flexibility_stiffening": "STIFFENING",
+    "joint_flexibility_stiffening_load_side": "STIFFENING_LOAD",
     "backlash": "PLAY",
     "backlash_load_side": "PLAY_LOAD",
     "backlash_power": "PLAY_POWER",
@@ -797,13 +799,33 @@ def _chain(t, q, dq, w, heat, viscous, arm, u, x, p, on, has, load, own):
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _load_side(on):
     """Whether the encoder sits behind the spring or the play."""
-    return (FLEX_LOAD >= 0 and on[FLEX_LOAD]) or (PLAY_LOAD >= 0 and on[PLAY_LOAD])
+    return _tied(on) or (PLAY_LOAD >= 0 and on[PLAY_LOAD])
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _tied(on):
+    """Whether the encoder sits behind the spring."""
+    return (FLEX_LOAD >= 0 and on[FLEX_LOAD]) or (STIFFENING_LOAD >= 0 and on[STIFFENING_LOAD])
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _stiffening(p, on):
+    """By how much a spring stiffens per squared twist."""
+    first = -1
+    if STIFFENING >= 0 and on[STIFFENING]:
+        first = STIFFENING_P
+    elif STIFFENING_LOAD >= 0 and on[STIFFENING_LOAD]:
+        first = STIFFENING_LOAD_P
+    if first < 0:
+        return 0.0
+    stiffness = p[INERTIA] * p[first] * (2.0 * math.pi * p[first + 1]) ** 2
+    return p[first + 3] * stiffness * stiffness
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
 def _flexible(on):
     """Whether the transmission is a spring."""
-    return (FLEX >= 0 and on[FLEX]) or (FLEX_LOAD >= 0 and on[FLEX_LOAD])
+    return (FLEX >= 0 and on[FLEX]) or (STIFFENING >= 0 and on[STIFFENING]) or _tied(on)
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -832,8 +854,14 @@ def _play_column(on):
 def _share_column(on):
     """Parameter of a spring or a play that says which share of the inertia is behind; undamped frequency and damping
     ratio follow."""
-    if _flexible(on):
-        return FLEX_LOAD_P if FLEX_LOAD >= 0 and on[FLEX_LOAD] else FLEX_P
+    if FLEX >= 0 and on[FLEX]:
+        return FLEX_P
+    if FLEX_LOAD >= 0 and on[FLEX_LOAD]:
+        return FLEX_LOAD_P
+    if STIFFENING >= 0 and on[STIFFENING]:
+        return STIFFENING_P
+    if STIFFENING_LOAD >= 0 and on[STIFFENING_LOAD]:
+        return STIFFENING_LOAD_P
     return _play_column(on) + 1
 
 
@@ -1034,7 +1062,8 @@ def _twisted(q, dq, ql, dql, p, on):
     column = _share_column(on)
     omega = 2.0 * math.pi * p[column + 1]
     if _flexible(on):
-        return p[column], omega * (omega * (q - ql) + 2.0 * p[column + 2] * (dq - dql))
+        d = q - ql
+        return p[column], omega * (omega * d * (1.0 + _stiffening(p, on) * (d * d)) + 2.0 * p[column + 2] * (dq - dql))
     first = _play_column(on)
     d = q - ql
     half = 0.5 * p[first]
@@ -1171,6 +1200,10 @@ def _sides(start, p, on):
             twist = math.copysign(half * (abs(twist) / half) ** (1.0 / p[first + 4]), twist)
         if arm != 0.0:
             twist += math.copysign(half, arm)
+    stiffening = _stiffening(p, on)
+    for _ in range(20 if stiffening > 0.0 else 0):  # Newton's rule from beyond the root, whose curve bends one way
+        twist -= (twist * (1.0 + stiffening * twist * twist) - arm / max(stiffness, 1e-300)) / (
+            1.0 + 3.0 * stiffening * twist * twist)
     twist = min(max(twist, -1.0), 1.0) + start[TWIST]
     if _load_side(on):
         return q + twist, dq + start[TWIST_RATE], q, dq
@@ -1569,7 +1602,7 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
             for j in range(n):
                 angle, rate = (QL, DQL) if _load_side(on[j]) else (Q, DQ)
                 S[j, angle] += pull * out[k, j]
-                if FLEX_LOAD >= 0 and on[j, FLEX_LOAD]:
+                if _tied(on[j]):
                     S[j, Q] += pull * out[k, j]
                 S[j, BESIDE] += caught * (P[j, FOLLOWING] * (1.0 - pull) * out[k, j] - S[j, BESIDE])
                 beside[j] = S[j, BESIDE]
@@ -1701,6 +1734,7 @@ def _parted_lane(S, l, p, on):
     """Puts what is behind the spring or the play of one lane into its rows."""
     first = _share_column(on)
     S[SHARE_ + l], S[DAMPING_ + l], S[OMEGA_ + l] = p[first], p[first + 2], 2.0 * math.pi * p[first + 1]
+    S[STIFFENED_ + l] = _stiffening(p, on)
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1740,7 +1774,7 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
         S[PARTED_ + l], S[SPRING_ + l] = 1.0 * parted[l], 1.0 * (not _playing(on[l]))
         S[LOADED_ + l], S[INSTANT_ + l], S[SUDDEN_ + l], forms = _load_of(p[l], on[l])
         several = several or forms > 1
-        S[SEEN_ + l], S[TIED_ + l] = 1.0 * _load_side(on[l]), 1.0 * (FLEX_LOAD >= 0 and on[l, FLEX_LOAD])
+        S[SEEN_ + l], S[TIED_ + l] = 1.0 * _load_side(on[l]), 1.0 * _tied(on[l])
         S[COMMANDED_ + l] = 1.0 * has[l, 0]
         if LAG >= 0 and on[l, LAG]:
             S[LAGGED_ + l], S[LAG_TIME_ + l] = 1.0, p[l, LAG_P]
@@ -1921,7 +1955,8 @@ def _rates_lanes(S, p, on, any_on, all_on, whole, since, to, has, parted, xs, n,
             S[DDQL_ + l] = al * (behind / (behind + S[ADDED_ + l])) - arm / (behind + S[ADDED_ + l])
     elif ends == SPRING:
         for l in range(LANES):
-            pull = S[OMEGA_ + l] * (S[QS_ + l] - S[QLS_ + l])
+            d = S[QS_ + l] - S[QLS_ + l]
+            pull = S[OMEGA_ + l] * d * (1.0 + S[STIFFENED_ + l] * (d * d))
             al = S[OMEGA_ + l] * (pull + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
             S[R_ + l] -= S[INERTIA_ + l] * S[SHARE_ + l] * al
             S[DDQ_ + l] = S[R_ + l] / (S[INERTIA_ + l] * (1.0 - S[SHARE_ + l]))
@@ -2028,7 +2063,8 @@ def _parted_pairs(S, p, on, any_on, dry, hanging, several):
         S[GIVEN_ + l] = S[R_ + l]
         d = S[QS_ + l] - S[QLS_ + l]
         deep = d - S[HALF_ + l] * (1.0 * (d > 0.0) - 1.0 * (d < 0.0))
-        al = S[OMEGA_ + l] * (S[OMEGA_ + l] * deep + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
+        pull = S[OMEGA_ + l] * deep * (1.0 + S[STIFFENED_ + l] * (d * d))
+        al = S[OMEGA_ + l] * (pull + 2.0 * S[DAMPING_ + l] * (S[DQS_ + l] - S[DQLS_ + l]))
         if steep:
             al *= _steepened(abs(d), abs(deep), S[HALF_ + l], S[STEEP_ + l])
         al *= max(1.0 * (abs(d) > S[HALF_ + l]) * (1.0 * (al * d >= 0.0)), S[SPRING_ + l])

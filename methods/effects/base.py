@@ -43,6 +43,7 @@ Dimension = Literal[
     "inertia",
     "1/command",
     "1/command squared",
+    "1/position squared",
     "time",
     "frequency",
     "position",

@@ -2,9 +2,12 @@
 
 With w the angular frequency of the load behind a motor that is held still, ``2 pi frequency``, and J the whole inertia,
 ``q_l'' = w^2 (q - q_l) + 2 damping_ratio w (q' - q_l')`` and ``J (1 - r) q'' = tau - J r q_l''``: stiffness J r w^2.
-With no inertia behind it the spring has no effect, whatever its frequency.
+With no inertia behind it the spring has no effect, whatever its frequency. The flexible spline of a strain wave gear
+stiffens as it is twisted: its spring is ``K d (1 + c d^2)``
+with the twist ``d = q - q_l``; the model has ``c / K^2``.
 
-Source: M. W. Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 109 (1987).
+Source: M. W. Spong, Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 109 (1987); T. D.
+Tuttle, W. P. Seering, A nonlinear model of a harmonic drive gear transmission, IEEE T-RA 12 (1996).
 """
 
 import math
@@ -51,9 +54,43 @@ LOAD_SIDE = replace(
         replace(EFFECT.parameters[2], upper=0.2),  # beyond that it is a low-pass of the sensor, no spring
     ),
     amplitudes=(),
-    excludes=("joint_flexibility", "backlash", "backlash_load_side", BY_THE_LINK),
     starts=lambda s: [values for values in starts(s) if values[0] == 0.5],
 )
 """The same with the encoder behind the spring, which sees the spring even where no inertia hangs behind it."""
-EFFECT = replace(EFFECT, excludes=("joint_flexibility_load_side", "backlash", "backlash_load_side", BY_THE_LINK))
-EFFECTS = (EFFECT, LOAD_SIDE)
+STIFFENING = replace(
+    EFFECT,
+    name="joint_flexibility_stiffening",
+    kind="joint_flexibility",
+    parameters=(
+        *EFFECT.parameters,
+        EffectParameter("stiffening", "1/command squared", "of the spring, per squared torque without it", lower=0.0),
+    ),
+    equation=r"J(1-r)\ddot q = \tau - F,\ J r\,\ddot q_l = F,\ F = K\delta\,(1 + c\,\delta^2) + D\dot\delta,"
+    r"\ \delta = q - q_l",
+    includes=("joint_flexibility",),
+    neutral=(0.0,),
+    after=("joint_flexibility",),
+    ringing=None,
+    starts=lambda s: [(*values, 0.1 / s.torque_rms**2) for values in starts(s)[:1]],
+)
+STIFFENING_LOAD_SIDE = replace(
+    STIFFENING,
+    name="joint_flexibility_stiffening_load_side",
+    parameters=(*LOAD_SIDE.parameters, STIFFENING.parameters[3]),
+    amplitudes=(),
+    includes=("joint_flexibility_load_side",),
+    after=("joint_flexibility_load_side",),
+    starts=lambda s: [(*values, 0.1 / s.torque_rms**2) for values in starts(s) if values[0] == 0.5][:1],
+)
+"""A spring that stiffens, with the encoder on either side."""
+OTHERS = ("backlash", "backlash_load_side", BY_THE_LINK)
+EFFECT, LOAD_SIDE, STIFFENING, STIFFENING_LOAD_SIDE = (
+    replace(form, excludes=(*excluded, *OTHERS))
+    for form, excluded in (
+        (EFFECT, ("joint_flexibility_load_side", "joint_flexibility_stiffening_load_side")),
+        (LOAD_SIDE, ("joint_flexibility", "joint_flexibility_stiffening")),
+        (STIFFENING, ("joint_flexibility_load_side", "joint_flexibility_stiffening_load_side")),
+        (STIFFENING_LOAD_SIDE, ("joint_flexibility", "joint_flexibility_stiffening")),
+    )
+)
+EFFECTS = (EFFECT, LOAD_SIDE, STIFFENING, STIFFENING_LOAD_SIDE)

@@ -13,6 +13,7 @@ from methods.effects.base import Effect, EffectParameter
 from methods.effects.coulomb_friction import ROUNDING, WIDTHS, turns_slowly
 
 BY_THE_LINK = "link_load_dependent_friction"
+SPRINGS = tuple(f"joint_flexibility{form}" for form in ("", "_load_side", "_stiffening", "_stiffening_load_side"))
 PLAYS = ("backlash", "backlash_load_side", "backlash_power")
 
 
@@ -60,7 +61,7 @@ LINK = replace(
         EffectParameter("link_share", "ratio", "share of the inertia that the transmission moves", 0.0, 1.0),
     ),
     equation=r"\tau_f = \mu\,|s\,J\ddot q + \tau_{arm}|\,\mathrm{sign}(\dot q)",
-    excludes=(EFFECT.name, ROUNDED.name, "joint_flexibility", "joint_flexibility_load_side", *PLAYS),
+    excludes=(EFFECT.name, ROUNDED.name, *SPRINGS, *PLAYS),
     starts=lambda s: [] if s.coupled else [(0.02, 0.0), (0.02, 0.9)],
 )
 """Friction by the torque that the arm takes; the kernel knows it by its name, for it depends on the acceleration that

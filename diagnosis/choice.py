@@ -172,11 +172,11 @@ def choose(
             least_share = settings.faint
         elif law(scored.start) not in there:
             least_share = least_beside(scored.effect, hypothesis.joint, scored.evidence, accepted, settings)
-            if share < least_share and may_be_small(
-                scored.effect, hypothesis.joint, scored.evidence, accepted, settings
+            least = least_of_all(scored.effect, hypothesis.joint, scored.evidence, accepted, settings)
+            if least <= share < least_share and is_the_same_everywhere(
+                problem, scored.fitted, scored.effect, hypothesis.joint
             ):
-                is_same = is_the_same_everywhere(problem, scored.fitted, scored.effect, hypothesis.joint)
-                least_share = settings.material if is_same else least_share
+                least_share = least
         if share >= least_share:
             if not is_of_motion(problem, scored.fitted, base):
                 others = [s for s in ranked if s is not scored]
@@ -227,17 +227,13 @@ def least_beside(
     return (1.0 if doubtful else 0.5) * settings.relevant
 
 
-def may_be_small(effect: Effect, joint: int, evidence: float, accepted: Sequence[Accepted], settings: Settings) -> bool:
-    """Whether an effect is no repair of those that are there, however small it is, where it is the same everywhere."""
-    beside = [item.effect for item in accepted if item.joint == joint]
-    return evidence > settings.weak and stands_apart(effect, beside)
-
-
 def least_of_all(
     effect: Effect, joint: int, evidence: float, accepted: Sequence[Accepted], settings: Settings
 ) -> float:
-    """`least_beside` of an effect that is the same everywhere."""
-    if may_be_small(effect, joint, evidence, accepted, settings):
+    """`least_beside` of an effect that is the same everywhere: a wave that stands apart is then no repair of what is
+    there, however small it is."""
+    beside = [item.effect for item in accepted if item.joint == joint]
+    if evidence > settings.weak and stands_apart(effect, beside):
         return settings.material
     return least_beside(effect, joint, evidence, accepted, settings)
 

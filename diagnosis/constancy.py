@@ -19,7 +19,6 @@ import numpy as np
 from diagnosis.estimation import Fitted
 from diagnosis.hypotheses import PER_LOG
 from diagnosis.problem import Problem
-from diagnosis.projection import project
 from methods.effects.base import Effect
 
 BLOCKS = 4
@@ -43,8 +42,7 @@ def stands_apart(effect: Effect, others: Sequence[Effect]) -> bool:
 def variation(problem: Problem, fitted: Fitted, effect: Effect, joint: int) -> tuple[float, int]:
     """Decrease of -2 log likelihood that amplitudes of their own in every block would bring, and how many more these
     are."""
-    rows = _amplitudes(fitted, effect, joint)
-    basis, residual = fitted.jacobian, fitted.innovation * fitted.weights
+    rows, basis = _amplitudes(fitted, effect, joint), fitted.jacobian
     divided = []
     for i in rows:
         log = fitted.point.free[i].log
@@ -55,9 +53,7 @@ def variation(problem: Problem, fitted: Fitted, effect: Effect, joint: int) -> t
                 block = np.zeros(len(problem.time))
                 block[first:last] = 1.0
                 divided.append(basis[i] * np.tile(block[fitted.whitener.mask], problem.joints))
-    total, count = fitted.total, residual.size // problem.joints
-    gain = lambda rows: -count * np.log(max(1.0 - project(rows, residual)[1] / total, 1e-12))  # noqa: E731
-    return float(gain(np.vstack([basis, *divided])) - gain(basis)), len(divided) - len(rows)
+    return fitted.gain(np.vstack([basis, *divided])) - fitted.gain(basis), len(divided) - len(rows)
 
 
 def is_the_same_everywhere(problem: Problem, fitted: Fitted, effect: Effect, joint: int) -> bool:

@@ -80,6 +80,7 @@ from diagnosis.search import (
     is_resolved,
     plays,
     polish,
+    price,
     ranking,
     score,
     simpler,
@@ -499,24 +500,24 @@ class Search:
         if not begun:
             return None
         self.tell("other laws of the same signals")
-        smaller = {item: without(problem, path.base, item) for item, _ in begun}
         points = [in_place(problem, path.base, item.effect, start) for item, start in begun]
-        fitted = each(partial(either_way, problem), points)
-        fits = [
-            (item, score(problem, smaller[item], start, own)) for (item, start), own in zip(begun, fitted, strict=True)
+        fits = each(partial(either_way, problem), points)
+        others = [tuple(other for other in accepted if other is not item) for item, _ in begun]
+        costs = [
+            cost(problem, fitted, rest) + price(problem, start, fitted.samples)
+            for fitted, rest, (_, start) in zip(fits, others, begun, strict=True)
         ]
-        item, best = min(fits, key=lambda option: option[1].fitted.criterion + option[1].price - option[0].scored.price)
-        others = tuple(other for other in accepted if other is not item)
-        if (
-            cost(problem, best.fitted, (*others, replace(item, scored=best)))
-            >= self.cost(path) - self.settings.threshold
-        ):
+        first = int(np.argmin(costs))
+        if costs[first] >= self.cost(path) - self.settings.threshold:
             return None
-        explained = self.nominal.criterion - smaller[item].criterion
-        chosen = choose(problem, smaller[item], [best], self.settings, explained, others)
+        (item, start), rest = begun[first], others[first]
+        smaller = without(problem, path.base, item)
+        scored = score(problem, smaller, start, fits[first])
+        explained = self.nominal.criterion - smaller.criterion
+        chosen = choose(problem, smaller, [scored], self.settings, explained, rest)
         if chosen is None:
             return None
-        longer = self.advanced(shortened(path, others, smaller[item]), replace(chosen, considered=item.considered))
+        longer = self.advanced(shortened(path, rest, smaller), replace(chosen, considered=item.considered))
         return longer if self.cost(longer) < self.cost(path) - self.settings.threshold else None
 
     def repaired(self, path: Path, candidates: Sequence[tuple[Effect, int]], explained: float) -> Path | None:

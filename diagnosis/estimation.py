@@ -175,6 +175,11 @@ class Fitted:
         count = self.samples // len(self.variances)
         return float(count * np.sum(1.0 + self.floor / np.maximum(self.variances, 1e-300)))
 
+    def gain(self, basis: Array) -> float:
+        """Decrease of -2 log likelihood that a basis (K, N n), weighted as `weights`, brings to first order."""
+        share = project(basis, self.innovation * self.weights)[1] / self.total
+        return float(-(self.samples // len(self.variances)) * np.log(max(1.0 - share, 1e-12)))
+
     def standard_error(self, name: str) -> float:
         i = [f.name for f in self.point.free].index(name)
         return float(np.sqrt(max(self.covariance[i, i], 0.0)))

@@ -205,7 +205,6 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     groups = signals(problem, motion, joint)
     noise = fitted.weights
     residual = fitted.innovation * noise
-    total, count = fitted.total, residual.size // problem.joints
     size = 1e-3 * float(np.sqrt(np.mean(problem.command[:, joint] ** 2)))
     responses: dict[str, Array] = {}
     for name, functions in groups.items():
@@ -213,8 +212,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         extra[:, :, joint] = size * np.stack(functions)
         difference = errors(problem, [fitted.point] * len(functions), extra=extra) - fitted.error
         responses[name] = fitted.whitener(difference) * noise
-    gain = lambda basis: -count * np.log(max(1.0 - project(basis, residual)[1] / total, 1e-12))  # noqa: E731
-    base = gain(fitted.jacobian)
+    base = fitted.gain(fitted.jacobian)
     every = np.vstack([fitted.jacobian, *responses.values()])
     spectrum = torque_spectrum(problem, fitted, joint, motion)
     change, sizes = np.split(project(every, residual)[0], [len(fitted.jacobian)])
@@ -226,11 +224,11 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     found = []
     for name, response in responses.items():
         basis = np.vstack([fitted.jacobian, response])
-        decrease, degrees = gain(basis) - base, len(response)
+        decrease, degrees = fitted.gain(basis) - base, len(response)
         growth = max(1.0, scattered(fitted, basis, scatter) / degrees)
         p = float(min(1.0, len(responses) * chi2.sf(max(decrease, 0.0) / growth, degrees)))
-        found.append(Dependence(name, float(decrease), degrees, p))
-    whole = float(gain(every) - base)
+        found.append(Dependence(name, decrease, degrees, p))
+    whole = fitted.gain(every) - base
     misread, excess = misreading(problem, fitted, joint, scatter, whole)
     found += [misread] if excess > 0.0 else []
     return Remainder(
@@ -260,11 +258,8 @@ def misreading(
     rows = np.zeros((len(own), problem.joints, own.shape[1]))
     rows[:, joint] = own
     basis = np.vstack([fitted.jacobian, rows.reshape(len(own), -1) * fitted.weights])
-    residual, total = fitted.innovation * fitted.weights, fitted.total
-    sizes, taken = project(basis, residual)
-    known = project(fitted.jacobian, residual)[1]
-    count = residual.size // problem.joints
-    decrease = -count * float(np.log(max(1.0 - taken / total, 1e-12) / max(1.0 - known / total, 1e-12)))
+    sizes = project(basis, fitted.innovation * fitted.weights)[0]
+    decrease = fitted.gain(basis) - fitted.gain(fitted.jacobian)
     growth = max(1.0, scattered(fitted, basis, scatter) / len(own))
     p = float(min(1.0, chi2.sf(max(decrease, 0.0) / growth, len(own))))
     error = sizes[len(fitted.jacobian) :] @ functions[:, problem.used]

@@ -13,7 +13,7 @@ Tuttle, W. P. Seering, A nonlinear model of a harmonic drive gear transmission, 
 import math
 from dataclasses import replace
 
-from methods.effects.base import Effect, EffectParameter, geometric, grid
+from methods.effects.base import Effect, EffectParameter, exclusive, geometric, grid
 from methods.effects.load_dependent_friction import BY_THE_LINK
 
 
@@ -84,13 +84,5 @@ STIFFENING_LOAD_SIDE = replace(
 )
 """A spring that stiffens, with the encoder on either side."""
 OTHERS = ("backlash", "backlash_load_side", BY_THE_LINK)
-EFFECT, LOAD_SIDE, STIFFENING, STIFFENING_LOAD_SIDE = (
-    replace(form, excludes=(*excluded, *OTHERS))
-    for form, excluded in (
-        (EFFECT, ("joint_flexibility_load_side", "joint_flexibility_stiffening_load_side")),
-        (LOAD_SIDE, ("joint_flexibility", "joint_flexibility_stiffening")),
-        (STIFFENING, ("joint_flexibility_load_side", "joint_flexibility_stiffening_load_side")),
-        (STIFFENING_LOAD_SIDE, ("joint_flexibility", "joint_flexibility_stiffening")),
-    )
-)
-EFFECTS = (EFFECT, LOAD_SIDE, STIFFENING, STIFFENING_LOAD_SIDE)
+FORMS = exclusive((EFFECT, LOAD_SIDE, STIFFENING, STIFFENING_LOAD_SIDE))
+EFFECTS = tuple(replace(form, excludes=(*form.excludes, *OTHERS)) for form in FORMS)

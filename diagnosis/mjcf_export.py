@@ -11,7 +11,7 @@ coulomb_friction      ``frictionloss``, soft where it is found as a soft constra
 stribeck_friction     LuGre bristle of a passive ``dcmotor``, stiff enough to be dry friction
 presliding_friction   the same with its own stiffness
 quadratic_drag        polynomial joint damping
-cable_spring, offset  joint ``stiffness`` and ``springref``
+cable_spring, offset  joint ``stiffness`` and ``springref``; a tendon where the spring stiffens
 gravity_tilt          the offset mass
 cogging_torque        passive ``dcmotor``
 thermal_drift         thermal resistance of the ``dcmotor``
@@ -336,6 +336,19 @@ def _spring(item: _Joint, p: Values) -> bool:
     return True
 
 
+def _stiffening_spring(item: _Joint, p: Values) -> bool:
+    """A tendon of its own along the joint: a constant torque may move the rest of the joint's spring, not where this
+    one is softest."""
+    stiffness = item.torque(p["stiffness"])
+    if stiffness <= 0.0:
+        return False
+    tendon = item.spec.add_tendon(name=f"{item.name}_cable")
+    tendon.wrap_joint(item.joint.name, 1.0)
+    tendon.stiffness = [stiffness, 0.0, stiffness * p["stiffening"]]
+    tendon.springlength = [p["pull"] / p["stiffness"]] * 2
+    return True
+
+
 def _offset(item: _Joint, p: Values) -> bool:
     item.constant -= p["voltage"]
     return True
@@ -434,6 +447,7 @@ _ELEMENTS: dict[str, Callable[[_Joint, Values], bool]] = {
     "presliding_friction_stribeck": _presliding,
     "quadratic_drag": _drag,
     "cable_spring": _spring,
+    "cable_spring_stiffening": _stiffening_spring,
     "amplifier_offset": _offset,
     "gravity_tilt": _tilt,
     "cogging_torque": _cogging,

@@ -117,6 +117,10 @@ _STIFFENING = Canonical(
     {**_SPRING.dimensions, "stiffening": "1/position squared"},
     lambda p: {**_SPRING.change(p), "stiffening": p["stiffening"] * _stiffness(p) ** 2},
 )
+_CABLE = Canonical(
+    {"stiffness": "torque per position", "rest_angle": "position"},
+    lambda p: {"stiffness": p["stiffness"], "rest_angle": p["pull"] / max(p["stiffness"], 1e-30)},
+)
 _BRISTLES = Canonical(
     {"torque": "torque", "stiffness": "torque per position", "damping": "torque per velocity"},
     lambda p: {
@@ -165,9 +169,10 @@ CANONICAL: dict[str, Canonical] = {
         {"torque": "torque", "static_torque": "torque", "velocity": "velocity"},
         lambda p: {"torque": p["torque"], "static_torque": p["torque"] + p["excess"], "velocity": p["velocity"]},
     ),
-    "cable_spring": Canonical(
-        {"stiffness": "torque per position", "rest_angle": "position"},
-        lambda p: {"stiffness": p["stiffness"], "rest_angle": p["pull"] / max(p["stiffness"], 1e-30)},
+    "cable_spring": _CABLE,
+    "cable_spring_stiffening": Canonical(
+        {**_CABLE.dimensions, "stiffening": "1/position squared"},
+        lambda p: {**_CABLE.change(p), "stiffening": p["stiffening"]},
     ),
 }
 """Effects (or single forms of them) whose canonical parameters are not those of the model; all others keep theirs."""

@@ -14,7 +14,7 @@ from diagnosis.choice import materiality, tells_no_amplifier
 from diagnosis.constancy import is_the_same_everywhere, stands_apart
 from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.finding import Accepted
-from diagnosis.hypotheses import proposals, sizes_of, withdraw
+from diagnosis.hypotheses import extend, proposals, sizes_of, withdraw
 from diagnosis.instants import happens
 from diagnosis.of_motion import is_of_motion
 from diagnosis.problem import Problem
@@ -66,16 +66,22 @@ def prune(
 def simplified(
     problem: Problem, base: Fitted, chosen: Accepted, effects: Sequence[Effect], settings: Settings
 ) -> Accepted:
-    """The effect that the chosen one includes as its limit, where that does as well with fewer parameters."""
+    """The effect that the chosen one includes as its limit, where that does as well with fewer parameters.
+
+    It is begun with what the chosen one lends, which describes little where that has stood in for another law, too (a
+    Stribeck friction that falls to nothing for a Coulomb friction and a viscous one), and with what a model without
+    either leaves to it.
+    """
     joint = chosen.joint
     inner = [(other, joint) for other in effects if other.name in chosen.effect.includes]
     if not inner:
         return chosen
     visible = is_resolved(problem, chosen.scored)
     for start in proposals(problem, [View.of(problem, base)], inner, sizes_of(problem, base))[0]:
-        point = within(problem, chosen.scored, start)
-        fitted = fit(problem, point, chosen.scored.fitted.whitener, rounds=2, iterations=6)
-        simple = score(problem, base, start, fitted)
+        lent = within(problem, chosen.scored, start), chosen.scored.fitted.whitener
+        left = extend(problem, base.point, start.hypothesis, start.values), None
+        begun = each(lambda begin: fit(problem, *begin, rounds=2, iterations=12), (lent, left))
+        simple = score(problem, base, start, min(begun, key=lambda fitted: fitted.criterion))
         saved = chosen.scored.price - simple.price
         if chosen.scored.decrease - simple.decrease < saved + settings.threshold or not visible:
             share = materiality(problem, simple.fitted, simple.name, joint)
@@ -138,9 +144,11 @@ def alone(problem: Problem, item: Accepted, chosen: Accepted) -> Iterator[Fitted
 def simplified_afterwards(
     problem: Problem, accepted: list[Accepted], base: Fitted, effects: Sequence[Effect], settings: Settings
 ) -> tuple[list[Accepted], Fitted]:
-    """The effects but the last in their simplest form: before the last one was there they may have stood in for it."""
-    for item in accepted[:-1]:
-        if not item.effect.includes:
+    """The effects but the last in their simplest form: before the last one was there they may have stood in for it.
+    Where one of them has, so has the last one for what that has lacked."""
+    before = accepted
+    for item in before:
+        if not item.effect.includes or (item is before[-1] and accepted is before):
             continue
         smaller = without(problem, base, item)
         whole = replace(item.scored, fitted=base, decrease=smaller.criterion - base.criterion)

@@ -298,7 +298,7 @@ def stiffness(problem: Problem, point: Point, j: int) -> float:
     p, kernel = point.parameters[0, j], problem.kernel
     sine, cosine = p[NOMINAL.index("gravity_sine")], p[NOMINAL.index("gravity_cosine")]
     spring = 0.0
-    for name in ("gravity_tilt", "cable_spring"):
+    for name in ("gravity_tilt", "cable_spring", "cable_spring_stiffening"):
         if name in kernel.switches and point.switches[j, kernel.switches[name]]:
             first, second = p[kernel.offsets[name] : kernel.offsets[name] + 2]
             if name == "gravity_tilt":

@@ -579,6 +579,7 @@ IN_MUJOCO = {
     },
     "quadratic_drag": {"coefficient": 0.05},
     "cable_spring": {"stiffness": 0.3, "pull": 0.1},
+    "cable_spring_stiffening": {"stiffness": 0.3, "pull": -0.1, "stiffening": 2.0},
     "gravity_tilt": {"sine": 0.1, "cosine": 0.2},
     "cogging_torque": {"sine": 0.1, "cosine": 0.1, "cycles_per_rev": 12.0},
     "amplifier_offset": {"voltage": 0.1},

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from diagnosis.estimation import Fitted, Point, fit, predicted_motion
+from diagnosis.estimation import Fitted, Point, predicted_motion
 from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of, withdraw
 from diagnosis.problem import Problem
 from diagnosis.search import Scored, score
+from diagnosis.turns import either_way
 from envs.log import Array
 from methods.effects.base import Effect
 
@@ -80,7 +81,7 @@ def imitating(
     start = alike(problem, base, effect, other, joint)
     if start is None:
         return None
-    return score(problem, smaller, start, fit(problem, in_place(problem, base, effect, start), rounds=2, iterations=10))
+    return score(problem, smaller, start, either_way(problem, in_place(problem, base, effect, start)))
 
 
 def in_place(problem: Problem, base: Fitted, effect: Effect, start: Start) -> Point:

@@ -275,15 +275,32 @@ def test_levelling_saturation_is_a_straight_line_or_the_early_law() -> None:
         assert levelling(0.0, 0.0, 0.0, torque, (0.3, 0.0)) == pytest.approx(1.0 - 0.3 * abs(torque))
 
 
-def test_a_torque_constant_that_falls_along_a_straight_line_saturates() -> None:
-    """No form that levels off, or begins without a slope, is close enough to leave nothing."""
-    line = {"torque_constant_saturation_levelling": {"coefficient": 0.2, "levelling": 0.0}}
-    problem = problem_of(line, 1e-4 * np.random.default_rng(0).standard_normal(5000))
+def test_saturation_with_a_knee_is_the_early_law_or_one_of_the_amplifier() -> None:
+    forms = ("torque_constant_saturation_early", "torque_constant_saturation_knee", "gradual_voltage_saturation")
+    early, knee, gradual = (NAMED[n].function for n in forms)
+    assert early is not None
+    assert knee is not None
+    assert gradual is not None
+    for torque in (-1.7, 0.4):
+        assert knee(0.0, 0.0, 0.0, torque, (0.3, 1.0)) == pytest.approx(early(0.0, 0.0, 0.0, torque, (0.3,)))
+        curve = torque * knee(0.0, 0.0, 0.0, torque, (0.5, 3.0))
+        assert curve == pytest.approx(gradual(torque, 0.0, 0.0, 0.0, 0.0, (2.0, 3.0)))
+
+
+@pytest.mark.parametrize(
+    ("form", "values"),
+    [("levelling", {"coefficient": 0.2, "levelling": 0.0}), ("knee", {"coefficient": 0.7, "sharpness": 3.5})],
+)
+def test_a_torque_constant_that_falls_in_another_way_saturates(form: str, values: dict[str, float]) -> None:
+    """Along a straight line, or only beyond a knee: no form that levels off, or loses by the square from the first
+    ampere, is close enough to leave nothing."""
+    name = f"torque_constant_saturation_{form}"
+    problem = problem_of({name: values}, 1e-4 * np.random.default_rng(0).standard_normal(5000))
     laws = ("torque_constant_saturation", "voltage_saturation", "quadratic_drag", "dead_zone", "amplifier_lag")
     forms = [e for e in EFFECTS if e.label in laws]
     found = find(problem, (JointStructure(),), forms)
-    assert (found.verdict, [item.name for item in found.accepted]) == ("named", list(line))
-    assert found.final.point.value("torque_constant_saturation_levelling.coefficient@0") == pytest.approx(0.2, rel=0.05)
+    assert (found.verdict, [item.name for item in found.accepted]) == ("named", [name])
+    assert found.final.point.value(f"{name}.coefficient@0") == pytest.approx(values["coefficient"], rel=0.05)
 
 
 def test_a_play_of_no_width_is_a_spring() -> None:
@@ -468,16 +485,27 @@ def test_a_rival_that_only_stopped_short_of_the_same_is_none() -> None:
     assert other_laws(replace(delay, rivals=(next_one, lag))).rivals == (next_one, lag)  # the same law at another joint
 
 
-@pytest.mark.parametrize("voltage", [1.0, 3.0])
-def test_general_forms_of_other_laws_are_rivals_of_a_general_form(voltage: float) -> None:
-    """A gradual saturation of the torque constant is one of the amplifier where nothing lies between them."""
-    clipped = {"gradual_voltage_saturation": {"voltage": voltage, "sharpness": 2.0}}
+@pytest.mark.parametrize(
+    ("voltage", "sharpness", "laws"),
+    [
+        (1.0, 2.0, {"torque_constant_saturation"}),
+        (3.0, 2.0, {"torque_constant_saturation"}),
+        (1.0, 3.5, {"torque_constant_saturation"}),
+        (1.0, 8.0, set()),
+    ],
+)
+def test_general_forms_of_other_laws_are_rivals_of_a_general_form(
+    voltage: float, sharpness: float, laws: set[str]
+) -> None:
+    """A gradual saturation of the torque constant is one of the amplifier where nothing lies between them, unless that
+    has a corner."""
+    clipped = {"gradual_voltage_saturation": {"voltage": voltage, "sharpness": sharpness}}
     log = record(clipped, nominal={"inertia": 0.07, "viscous": 0.7}, input="torque")
     problem = stack(KERNEL, [log], (1,))
     nominal = fit_nominal(problem, (JointStructure(input="torque", electrical=False),))
-    item = accepted(problem, nominal, "gradual_voltage_saturation", [voltage, 2.0])
+    item = accepted(problem, nominal, "gradual_voltage_saturation", [voltage, sharpness])
     found = in_other_terms(problem, item.scored.fitted, item, EFFECTS, Settings())
-    assert [rival.name for rival in found.rivals] == ["torque_constant_saturation_power"]
+    assert {rival.label for rival in found.rivals} == laws
 
 
 def test_a_law_of_the_motor_torque_imitates_one_of_the_command() -> None:

@@ -26,7 +26,11 @@ EFFECT = Effect(
     source="Hanselman",
     starts=lambda s: [(0.02 / s.torque_rms**2,)],
     function=gain,
-    excludes=("torque_constant_saturation_early", "torque_constant_saturation_levelling"),
+    excludes=(
+        "torque_constant_saturation_early",
+        "torque_constant_saturation_levelling",
+        "torque_constant_saturation_knee",
+    ),
 )
 
 
@@ -88,4 +92,27 @@ LEVELLING = replace(
     neutral=(1.0,),
 )
 """As a straight line has it, or iron of which a part saturates and the rest does not."""
-EFFECTS = (EFFECT, POWER, EARLY, LEVELLING)
+
+
+def knee(t, q, dq, w, p):
+    """(1 + |coefficient w|^sharpness)^(-1/sharpness)."""
+    return math.pow(abs(1.0 + math.pow(abs(p[0] * w), p[1])), -1.0 / p[1])
+
+
+KNEE = replace(
+    EARLY,
+    name="torque_constant_saturation_knee",
+    parameters=(
+        *EARLY.parameters,
+        EffectParameter("sharpness", "ratio", "of the knee, beyond which more current gives no torque", 1.0, 5.0),
+    ),
+    equation=r"\tau_m = \alpha i / (1 + |c\,i|^n)^{1/n}",
+    starts=lambda s: [(0.8 / s.torque_peak, sharpness) for sharpness in (2.0, 3.5)],
+    function=knee,
+    includes=("torque_constant_saturation_early",),
+    neutral=(1.0,),
+    excludes=(*EARLY.excludes, "torque_constant_saturation_levelling"),
+)
+"""Iron that gives its torque until it saturates: nothing is lost at first, and all beyond the knee."""
+LEVELLING = replace(LEVELLING, excludes=(*LEVELLING.excludes, KNEE.name))
+EFFECTS = (EFFECT, POWER, EARLY, LEVELLING, KNEE)

@@ -133,6 +133,7 @@ LANE_ROWS = (
     *("PARTED", "SPRING", "GIVEN", "BEHIND", "DRIVE", "ANGLE", "RATE", "ROTOR", "TURNING", "STEEP", "STIFFENED"),
     *("LOADED", "INSTANT", "SUDDEN", "EVERY", "SEEN", "TIED", "LAGGED", "LAG_TIME"),
     *("COMMANDED", "GIVEN_FIRST", "GIVEN_HIGH", "GIVEN_LOW", "JUMPED"),
+    *("DRAWN", "BEFORE", "CURRENT_FIRST", "CURRENT_HIGH", "CURRENT_LOW"),
     *("WARM", "WARMER", "WARMING_TIME", "COPPERED", "STEADIED", "MEAN_SQUARE"),
 )
 """Rows of the lanes' scratch: states, states within a step, their rates, the same at its beginning and summed over its
@@ -393,7 +394,7 @@ def _source(kernel: Kernel) -> str:
     calls: dict[str, list[str]] = {slot: [] for slot in slots}
     loops: dict[str, list[str]] = {slot: [] for slot in slots if slot != "sensor"}
     lines = {
-        "command": "S[given + l] = {f}(S[given + l], now, S[Q_ + l], S[DQ_ + l], S[W_ + l], {p})",
+        "command": "S[given + l] = {f}(S[given + l], now, S[Q_ + l], S[DQ_ + l], S[current + l], {p})",
         "gain": "S[SUM_ + l] *= {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {p})",
         "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
         "arm": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
@@ -1398,6 +1399,14 @@ def _low_pass(v, rise, state, h, time_constant):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
+def _drawn(driving, w, h, rate):
+    """Current of a winding in the middle and at the end of a step of h that begins with w: on its way to what the
+    driving voltage gives."""
+    decay, away = _exponential(-0.5 * h * rate), w - driving
+    return driving + away * decay, driving + away * decay * decay
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
 def _driven(k, i, substeps, dt, now, h, hold, u, cumulative, q, dq, w, lag, p, on, commands, euler):
     """Command behind the amplifier over substep i of sample k: mean, rise, and state of the low-pass at the end."""
     v, rise, share = _amplifier(k, i, substeps, _lateness(p, on) / dt, hold, u, cumulative)
@@ -1409,12 +1418,18 @@ def _through(v, rise, share, now, h, q, dq, w, lag, p, on, commands, euler):
     """A command of mean v that rises over a step of h, or jumps with that share of it to come, behind the amplifier's
     effects: as `_driven`.
 
-    Without a lag between them the current that a supply gives way to is the one that the command draws at once.
+    The current that a supply gives way to is the one that the command draws at once where no lag lies between them;
+    that of a winding goes on as the step does.
     """
     if commands:
         base, half, high = v, 0.5 * rise, v
         jump = rise / _rising(share, 1.0) if 0.0 < share < 1.0 else 0.0
-        count = 3 if rise != 0.0 else 1  # in the middle of the step, then at its ends
+        middle = late = w
+        drawn = not euler and _drawing(on) and p[ELECTRICAL] > 0.0
+        if drawn:
+            drives = lag if LAG >= 0 and on[LAG] else _command(v, now, q, dq, w, p, on)
+            middle, late = _drawn(drives - p[BACK_EMF] * dq, w, h, p[ELECTRICAL_RATE])
+        count = 3 if rise != 0.0 or drawn else 1  # in the middle of the step, then at its ends
         if jump != 0.0:  # before the jump, then after it
             base, half, count = v - share * jump, jump, 2
         at_once = _drawing(on) and p[ELECTRICAL] <= 0.0 and not (LAG >= 0 and on[LAG])
@@ -1427,8 +1442,9 @@ def _through(v, rise, share, now, h, q, dq, w, lag, p, on, commands, euler):
                 third = _command(given, now, q, dq, second, p, on) - emf
                 gone = second - first  # where the two steps lead to, by Aitken's method
                 shrunk = (third - second) / gone if gone != 0.0 else 0.0
-                w = first + gone / (1.0 - min(shrunk, 0.9))
-            through = _command(given, now, q, dq, w, p, on)
+                middle = late = w = first + gone / (1.0 - min(shrunk, 0.9))
+            current = middle if end == 0 or jump != 0.0 else (late if end == 1 else w)
+            through = _command(given, now, q, dq, current, p, on)
             if end == 0:
                 v = through
             elif end == 1:
@@ -1446,9 +1462,12 @@ def _through(v, rise, share, now, h, q, dq, w, lag, p, on, commands, euler):
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
-def _commanded_lanes(S, p, on, all_on, whole, since, to, now):
+def _commanded_lanes(S, p, on, all_on, whole, since, to, now, h, draws):
     """`_through` of all lanes at once, up to the low-pass, where none draws a current that the command sets at once:
-    the laws of the command for its mean, or before a jump, and at the ends of the step, or behind the jump."""
+    the laws of the command for its mean, or before a jump, and at the ends of the step, or behind the jump.
+
+    draws: whether any of them draws the current of a winding.
+    """
     still = True
     for l in range(LANES):
         share = S[TURNED_ + l]
@@ -1459,10 +1478,23 @@ def _commanded_lanes(S, p, on, all_on, whole, since, to, now):
         first = jumps * (S[MEAN_ + l] - share * jump) + (1.0 - jumps) * S[MEAN_ + l]
         S[GIVEN_FIRST_ + l], S[GIVEN_HIGH_ + l], S[GIVEN_LOW_ + l] = first, first + half, first - half
         S[JUMPED_ + l] = jumps
+        S[CURRENT_FIRST_ + l] = S[CURRENT_HIGH_ + l] = S[CURRENT_LOW_ + l] = S[W_ + l]
     for l in range(LANES):
-        still = still and S[RISE_ + l] == 0.0
-    for row in range(1 if still else 3):
-        given = GIVEN_FIRST_ + row * LANES
+        still = still and S[RISE_ + l] == 0.0 and not draws
+    if draws:
+        for l in range(LANES):
+            S[BEFORE_ + l], S[GIVEN_FIRST_ + l] = S[GIVEN_FIRST_ + l], S[MEAN_ + l]
+    for row in range(-1 if draws else 0, 1 if still else 3):
+        if row == 0 and draws:
+            for l in range(LANES):
+                lagged = S[LAGGED_ + l]
+                drives = lagged * S[LAG_ + l] + (1.0 - lagged) * S[GIVEN_FIRST_ + l]
+                middle, late = _drawn(drives - S[EMF_ + l] * S[DQ_ + l], S[W_ + l], h, S[ELECTRICAL_ + l])
+                drawn, jumps = S[DRAWN_ + l], S[JUMPED_ + l]
+                S[CURRENT_FIRST_ + l] = middle if drawn > 0.0 else S[W_ + l]
+                S[CURRENT_HIGH_ + l] = (middle if jumps > 0.0 else late) if drawn > 0.0 else S[W_ + l]
+                S[GIVEN_FIRST_ + l] = S[BEFORE_ + l]
+        given, current = GIVEN_FIRST_ + max(row, 0) * LANES, CURRENT_FIRST_ + max(row, 0) * LANES
         #command_lanes#
     if still:
         for l in range(LANES):
@@ -1776,6 +1808,7 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
         several = several or forms > 1
         S[SEEN_ + l], S[TIED_ + l] = 1.0 * _load_side(on[l]), 1.0 * _tied(on[l])
         S[COMMANDED_ + l] = 1.0 * has[l, 0]
+        S[DRAWN_ + l] = 1.0 * (_drawing(on[l]) and p[l, ELECTRICAL] > 0.0)
         if LAG >= 0 and on[l, LAG]:
             S[LAGGED_ + l], S[LAG_TIME_ + l] = 1.0, p[l, LAG_P]
         elif _smooths(p[l], on[l]):
@@ -2243,8 +2276,9 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     senses, sees = _sensing(any_on), _load_side(any_on)
     weighs = LIGHT if _weighing(any_on) or x.shape[1] > 3 or hanging else 0
     altered = has[0] or (LAG >= 0 and any_on[LAG])  # on its way through the amplifier, but for a delay
-    at_once = lags = False
+    at_once = lags = draws = False
     for l in range(n):
+        draws = draws or (S[DRAWN_ + l] > 0.0 and not euler)
         at_once = at_once or (_drawing(on[l]) and p[l, ELECTRICAL] <= 0.0 and not (LAG >= 0 and on[l, LAG]))
         lags = lags or S[LAGGED_ + l] > 0.0
     prompt = hold[0] == 0  # held until the next sample, and not late
@@ -2376,7 +2410,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                                                         u[a:b, joint], cumulative[a:b, joint])
                     S[MEAN_ + l], S[RISE_ + l], S[TURNED_ + l] = mean, rise, turned
                 if has[0] and not at_once:
-                    _commanded_lanes(S, p, on, all_on, whole, since, to, now)
+                    _commanded_lanes(S, p, on, all_on, whole, since, to, now, h, draws)
                 for l in range(n if has[0] and at_once else 0):
                     if not (own[l, 0] or S[LAGGED_ + l] > 0.0):
                         S[RISE_ + l] = 0.0 if euler else S[RISE_ + l]

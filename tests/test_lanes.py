@@ -138,6 +138,22 @@ def test_lanes_are_one_candidate_at_a_time_bit_by_bit(effects: int, seed: int) -
     assert np.array_equal(batched(*every), one_by_one(*every))
 
 
+@pytest.mark.parametrize("late", [0.0, 1e-3])
+def test_a_supply_that_sags_by_the_current_of_a_winding_does_so_beside_others(late: float) -> None:
+    """Held commands and such that jump within the step, with and without a lag of the amplifier between."""
+    parameters, switches, starts = candidates(2 * LANES, 5, 0)
+    parameters[..., NOMINAL.index("electrical_time_constant")] = 4e-3
+    parameters[..., NOMINAL.index("timing")] = late
+    sags = [effect for effect in KERNEL.effects if effect.label == "supply_sag"]
+    lag = next(effect for effect in KERNEL.effects if effect.name == "amplifier_lag")
+    for c in range(1, len(parameters), 2):
+        sag = sags[c // 2 % len(sags)]
+        for effect in (sag, lag) if c % 4 == 1 else (sag,):
+            switches[c, 0, KERNEL.switches[effect.name]] = True
+            parameters[c, :, 0, KERNEL.own(effect)] = next(iter(effect.starts(SIZES)))
+    assert np.array_equal(batched(parameters, switches, starts), one_by_one(parameters, switches, starts))
+
+
 @pytest.mark.parametrize("spring", [False, True])
 @pytest.mark.parametrize("name", ["payload_change_at_rest", "payload_change_weighed_at_rest"])
 def test_loads_that_rested_are_picked_up_within_a_step(name: str, spring: bool) -> None:

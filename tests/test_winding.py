@@ -11,7 +11,7 @@ from diagnosis.estimation import Fitted, fit
 from diagnosis.hypotheses import Hypothesis, extend, withdraw
 from diagnosis.nominal import JointStructure, damping_settled, fit_nominal
 from diagnosis.problem import Problem, stack
-from envs.log import JointFacts, Log
+from envs.log import Array, JointFacts, Log
 from methods.base import State
 from methods.effects import built_in
 from methods.kernel import build
@@ -75,3 +75,36 @@ def test_a_stated_share_is_left_as_it_is() -> None:
     problem = recorded()
     stated = with_friction(problem, 0.4)
     assert damping_settled(problem, stated) is stated
+
+
+@pytest.mark.parametrize(("winding", "most"), [(0.009, 0.002), (0.003, 0.003)])
+def test_a_supply_gives_way_to_the_current_while_it_grows(winding: float, most: float) -> None:
+    """Within a sample, too: a current that rises within a few of them is not the one of the sample's beginning."""
+    gain, substeps = 0.05, 25
+    rng = np.random.default_rng(0)
+    command = 3.0 * np.sign(np.repeat(rng.standard_normal(60), 25))
+
+    def moved(gain: float) -> Array:
+        q = v = w = 0.0
+        found, h = [], DT / substeps
+        for u in command:
+            found.append(q)
+            for _ in range(substeps):  # the middle of the step by half of it
+                half = w + 0.5 * h * (u / (1.0 + gain * abs(w)) - BACK_EMF * v - w) / winding
+                rate = v + 0.5 * h * (w - VISCOUS * v) / INERTIA
+                q += h * rate
+                v += h * (half - VISCOUS * rate) / INERTIA
+                w += h * (u / (1.0 + gain * abs(half)) - BACK_EMF * rate - half) / winding
+        return np.array(found)
+
+    joint = {
+        "inertia": INERTIA,
+        "viscous": VISCOUS,
+        "back_emf": BACK_EMF,
+        "electrical_time_constant": winding,
+    }
+    sag = {"supply_sag_levelling": {"gain": gain, "levelling": 1.0}}
+    model = StructuredModel((StructuredJoint(1, "voltage", joint, sag),), DT, None, EFFECTS)
+    position = model.simulate(DT * np.arange(len(command)), command[:, None], State.at_rest(0.0)).position[:, 0]
+    true, without = moved(gain), moved(0.0)
+    assert np.sqrt(np.mean((position - true) ** 2)) < most * np.sqrt(np.mean((true - without) ** 2))

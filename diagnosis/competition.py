@@ -129,7 +129,8 @@ def in_other_terms(
 
     Of other laws only the textbook's forms have competed with it: those that came near, and those that follow the
     command or the motor torque as it does. Where nothing lies between these, a gradual saturation of the amplifier is
-    one of the torque constant, whose textbook's form may explain nothing of it.
+    one of the torque constant, whose textbook's form may explain nothing of it. How many numbers describe its shape is
+    no argument for either.
     """
     if not item.effect.neutral:
         return item
@@ -144,6 +145,6 @@ def in_other_terms(
     rivals = [
         rival
         for rival in either(try_all(problem, smaller, others), [rival for rival in found if rival is not None])
-        if rival.fitted.criterion + rival.price < limit and is_of_its_shape(problem, rival)
+        if rival.fitted.criterion + min(rival.price, item.scored.price) < limit and is_of_its_shape(problem, rival)
     ]
     return replace(item, rivals=(*item.rivals, *rivals))

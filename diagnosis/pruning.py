@@ -14,7 +14,7 @@ from diagnosis.choice import materiality, tells_no_amplifier
 from diagnosis.constancy import is_the_same_everywhere, stands_apart
 from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.finding import Accepted
-from diagnosis.hypotheses import extend, proposals, sizes_of, withdraw
+from diagnosis.hypotheses import PER_LOG, extend, proposals, sizes_of, withdraw
 from diagnosis.instants import happens
 from diagnosis.of_motion import is_of_motion
 from diagnosis.problem import Problem
@@ -231,7 +231,8 @@ def general(
     settings: Settings,
 ) -> tuple[list[Accepted], Fitted]:
     """Without effects that do not pay for themselves beside the others, weak ones that make data that nobody fitted
-    less likely, and weak events that do not happen there: that one happens in one log only needs more evidence.
+    less likely, or no likelier where they are begun anew there (a wave whose phase every log has of its own finds some
+    in any), and weak events that do not happen there: that one happens in one log only needs more evidence.
 
     A small one beside others counts as weak whatever its evidence: where small causes grow, or a law beside it is
     inexact, any law that shapes the fitted motion a little finds some. So does one beside torques of the rest of an
@@ -256,10 +257,11 @@ def general(
             continue
         there, less = elsewhere(held_out, base), elsewhere(held_out, smaller)
         others = [other.effect for other in accepted if other is not item]
+        gain, own_share = misfit(less) - misfit(there), loss * held_out.used.sum() / problem.used.sum()
         shows = (
             loss > item.scored.price
             and (not is_weak or happens(held_out, there.point, item.effect, item.joint))
-            and not misfit(less) < misfit(there)
+            and gain >= (KEPT * own_share if is_weak and item.effect.name in PER_LOG else 0.0)
             and (
                 problem.arm is None
                 or is_stated(item, base, smaller, settings)
@@ -276,7 +278,7 @@ def general(
                 or (
                     not is_weak
                     and stands_apart(item.effect, others)
-                    and misfit(less) - misfit(there) > KEPT * loss * held_out.used.sum() / problem.used.sum()
+                    and gain > KEPT * own_share
                     and is_the_same_everywhere(problem, base, item.effect, item.joint)
                 )
             )

@@ -275,21 +275,25 @@ def test_levelling_saturation_is_a_straight_line_or_the_early_law() -> None:
         assert levelling(0.0, 0.0, 0.0, torque, (0.3, 0.0)) == pytest.approx(1.0 - 0.3 * abs(torque))
 
 
-def test_saturation_with_a_knee_is_the_early_law_or_one_of_the_amplifier() -> None:
-    forms = ("torque_constant_saturation_early", "torque_constant_saturation_knee", "gradual_voltage_saturation")
-    early, knee, gradual = (NAMED[n].function for n in forms)
-    assert early is not None
+def test_saturation_with_a_knee_is_one_by_a_power_or_one_of_the_amplifier() -> None:
+    forms = ("torque_constant_saturation_power", "torque_constant_saturation_knee", "gradual_voltage_saturation")
+    power, knee, gradual = (NAMED[n].function for n in forms)
+    assert power is not None
     assert knee is not None
     assert gradual is not None
     for torque in (-1.7, 0.4):
-        assert knee(0.0, 0.0, 0.0, torque, (0.3, 1.0)) == pytest.approx(early(0.0, 0.0, 0.0, torque, (0.3,)))
-        curve = torque * knee(0.0, 0.0, 0.0, torque, (0.5, 3.0))
+        same = power(0.0, 0.0, 0.0, torque, (0.3, 0.7))
+        assert knee(0.0, 0.0, 0.0, torque, (0.3, 0.7, 1.0)) == pytest.approx(same)
+        curve = torque * knee(0.0, 0.0, 0.0, torque, (0.25 * 3.0 ** (-2.0 / 3.0), 1.0 / 3.0, 1.5))
         assert curve == pytest.approx(gradual(torque, 0.0, 0.0, 0.0, 0.0, (2.0, 3.0)))
 
 
 @pytest.mark.parametrize(
     ("form", "values"),
-    [("levelling", {"coefficient": 0.2, "levelling": 0.0}), ("knee", {"coefficient": 0.7, "sharpness": 3.5})],
+    [
+        ("levelling", {"coefficient": 0.2, "levelling": 0.0}),
+        ("knee", {"coefficient": 0.25, "exponent": 0.3, "sharpness": 1.7}),
+    ],
 )
 def test_a_torque_constant_that_falls_in_another_way_saturates(form: str, values: dict[str, float]) -> None:
     """Along a straight line, or only beyond a knee: no form that levels off, or loses by the square from the first
@@ -768,7 +772,7 @@ def test_a_general_form_begins_where_the_textbook_form_is(name: str, values: lis
     problem = problem_of({name: dict(zip((p.name for p in inner.parameters), values, strict=True))}, noise)
     nominal = fit_nominal(problem, (JointStructure(),))
     base = fit(problem, extend(problem, nominal.point, Hypothesis(inner, 0), np.array([values])))
-    (general,) = (e for e in EFFECTS if e.label == name and e.neutral and name in e.includes)
+    (general,) = (e for e in EFFECTS if e.label == name and e.neutral and not e.after and name in e.includes)
     start, (point, *_) = generalised(problem, View.of(problem, base), general, [inner], 0, sizes_of(problem, base)[0])
     assert not point.switches[0, KERNEL.switches[name]]
     assert start.promise < 12.0

@@ -6,7 +6,7 @@ Source: MuJoCo's and motor makers' rational law; D. Hanselman, Brushless Motors,
 import math
 from dataclasses import replace
 
-from methods.effects.base import Effect, EffectParameter
+from methods.effects.base import Effect, EffectParameter, exclusive
 
 
 def gain(t, q, dq, w, p):
@@ -26,11 +26,6 @@ EFFECT = Effect(
     source="Hanselman",
     starts=lambda s: [(0.02 / s.torque_rms**2,)],
     function=gain,
-    excludes=(
-        "torque_constant_saturation_early",
-        "torque_constant_saturation_levelling",
-        "torque_constant_saturation_knee",
-    ),
 )
 
 
@@ -68,7 +63,6 @@ EARLY = replace(
     equation=r"\tau_m = \alpha i / (1 + c\,|i|)",
     starts=lambda s: [(0.02 / s.torque_rms,)],
     function=early,
-    excludes=("torque_constant_saturation", "torque_constant_saturation_power"),
 )
 
 
@@ -95,24 +89,26 @@ LEVELLING = replace(
 
 
 def knee(t, q, dq, w, p):
-    """(1 + |coefficient w|^sharpness)^(-1/sharpness)."""
-    return math.pow(abs(1.0 + math.pow(abs(p[0] * w), p[1])), -1.0 / p[1])
+    """1 / (1 + (coefficient w^2)^sharpness / exponent)^exponent."""
+    return math.pow(abs(1.0 + math.pow(abs(p[0] * w * w), p[2]) / p[1]), -p[1])
 
 
 KNEE = replace(
-    EARLY,
+    EFFECT,
     name="torque_constant_saturation_knee",
+    kind="torque_constant_saturation",
     parameters=(
-        *EARLY.parameters,
-        EffectParameter("sharpness", "ratio", "of the knee, beyond which more current gives no torque", 1.0, 5.0),
+        *POWER.parameters,
+        EffectParameter("sharpness", "ratio", "half of the power by which the loss sets in", lower=0.5, upper=2.5),
     ),
-    equation=r"\tau_m = \alpha i / (1 + |c\,i|^n)^{1/n}",
-    starts=lambda s: [(0.8 / s.torque_peak, sharpness) for sharpness in (2.0, 3.5)],
+    equation=r"\tau_m = \alpha i / (1 + (c\,i^2)^m / n)^n",
+    starts=lambda s: [
+        (0.6 / s.torque_peak**2, exponent, sharpness) for exponent, sharpness in ((0.5, 1.2), (0.3, 1.7))
+    ],
     function=knee,
-    includes=("torque_constant_saturation_early",),
-    neutral=(1.0,),
-    excludes=(*EARLY.excludes, "torque_constant_saturation_levelling"),
+    includes=("torque_constant_saturation", "torque_constant_saturation_power"),
+    after=("torque_constant_saturation", "torque_constant_saturation_power"),
+    neutral=(1.0, 1.0),
 )
-"""Iron that gives its torque until it saturates: nothing is lost at first, and all beyond the knee."""
-LEVELLING = replace(LEVELLING, excludes=(*LEVELLING.excludes, KNEE.name))
-EFFECTS = (EFFECT, POWER, EARLY, LEVELLING, KNEE)
+"""Iron that gives its torque until it saturates: little is lost at first, and more the sooner beyond the knee."""
+EFFECTS = exclusive((EFFECT, POWER, EARLY, LEVELLING, KNEE))

@@ -2127,6 +2127,21 @@ def test_a_weak_event_has_to_show_where_nobody_fitted() -> None:
         assert general(problem, held_out, nominal, [item], fitted, Settings())[0] == ([item] if kept else [])
 
 
+def test_a_weak_wave_has_to_show_its_share_where_nobody_fitted() -> None:
+    """Its phase, which every log has of its own, finds a little of it in any noise."""
+    wave = {"periodic_disturbance": {"sine": 0.0, "cosine": 3e-3, "frequency": 2.2}}
+    noise = lambda seed: 1e-2 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    problem = stack(KERNEL, [record(wave, noise(seed)) for seed in (1, 2)], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    start = Start(Hypothesis(NAMED["periodic_disturbance"], 0), np.tile([0.0, 3e-3, 2.2], (2, 1)), 0.0)
+    fitted = fit(problem, extend(problem, nominal.point, start.hypothesis, start.values), rounds=2, iterations=8)
+    item = Accepted(Scored(start, fitted, 50.0, 10.0), 0.1, ())
+    for seed in (3, 4, 5):
+        for effects, kept in ((wave, [item]), ({}, [])):
+            held_out = stack(KERNEL, [record(effects, noise(seed))], (1,))
+            assert general(problem, held_out, nominal, [item], fitted, Settings())[0] == kept
+
+
 def test_beside_torques_of_an_arm_an_effect_brings_free_simulations_closer(monkeypatch: pytest.MonkeyPatch) -> None:
     """However much evidence there is: these torques are as inexact as the measured motion that they come from."""
     drag = {"quadratic_drag": {"coefficient": 0.02}}

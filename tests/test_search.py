@@ -2128,16 +2128,17 @@ def test_a_weak_event_has_to_show_where_nobody_fitted() -> None:
 
 
 def test_a_weak_wave_has_to_show_its_share_where_nobody_fitted() -> None:
-    """Its phase, which every log has of its own, finds a little of it in any noise."""
-    wave = {"periodic_disturbance": {"sine": 0.0, "cosine": 3e-3, "frequency": 2.2}}
+    """Its phase, which every log has of its own, finds a little of it in whatever else is of that frequency there."""
+    of = lambda size: {"periodic_disturbance": {"sine": 0.0, "cosine": size, "frequency": 2.2}}  # noqa: E731
+    wave = of(3e-3)
     noise = lambda seed: 1e-2 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
     problem = stack(KERNEL, [record(wave, noise(seed)) for seed in (1, 2)], (1,))
     nominal = fit_nominal(problem, (JointStructure(),))
     start = Start(Hypothesis(NAMED["periodic_disturbance"], 0), np.tile([0.0, 3e-3, 2.2], (2, 1)), 0.0)
     fitted = fit(problem, extend(problem, nominal.point, start.hypothesis, start.values), rounds=2, iterations=8)
     item = Accepted(Scored(start, fitted, 50.0, 10.0), 0.1, ())
-    for seed in (3, 4, 5):
-        for effects, kept in ((wave, [item]), ({}, [])):
+    for seed, less in ((3, 2.1e-3), (4, 2.4e-3), (5, 1.8e-3)):
+        for effects, kept in ((wave, [item]), (of(less), [])):
             held_out = stack(KERNEL, [record(effects, noise(seed))], (1,))
             assert general(problem, held_out, nominal, [item], fitted, Settings())[0] == kept
 

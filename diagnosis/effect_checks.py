@@ -65,6 +65,8 @@ COMMAND_POWER: dict[str, int] = {
     "inertia": 1,
     "1/command": -1,
     "1/command squared": -2,
+    "1/voltage": -1,
+    "1/power": -2,
 }
 """Power of the command's unit in a dimension; 0 for all others."""
 TIME_POWER: dict[str, int] = {

@@ -209,6 +209,8 @@ def units(dimension: str, joint: JointUnits) -> tuple[str, str, float | None]:
         "inertia": (mass, f"{u} s^2/{x}", torque),
         "1/command": ("1/A", f"1/{u}", current),
         "1/command squared": ("1/A^2", f"1/{u}^2", None if current is None else current**2),
+        "1/voltage": (f"1/{u}", f"1/{u}", 1.0),
+        "1/power": (f"1/({u} A)", f"1/{u}^2", current),
         "1/position squared": (f"1/{x}^2",) * 2 + (1.0,),
         "time": ("s", "s", 1.0),
         "frequency": ("Hz", "Hz", 1.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import re
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from diagnosis.parameters import JointUnits, canonical, units
 from envs.excitation import REGISTRY, parse
 from envs.log import Log
 from envs.log_files import save
 from methods.base import State
+from methods.effects import built_in
 from methods.structured import StructuredJoint, StructuredModel
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -91,3 +94,24 @@ def test_the_lines_of_excitations_are_read() -> None:
     block = page.split("```\n")[1]
     assert [parse(line).joints for line in block.splitlines()] == [(1,), (1,), (1, 2)]
     assert parse("steps:levels=0+1+0+-1").levels == (0.0, 1.0, 0.0, -1.0)  # type: ignore[attr-defined]
+
+
+def test_the_page_of_effects_is_what_their_definitions_say() -> None:
+    place = ROOT / "docs" / "make_effects.py"
+    spec = importlib.util.spec_from_file_location("make_effects", place)
+    assert spec is not None
+    assert spec.loader is not None
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    assert made.PAGE.read_text(encoding="utf-8") == made.page(), "uv run python docs/make_effects.py"
+
+
+def test_a_gain_per_command_is_not_one_per_ampere() -> None:
+    drive = JointUnits("voltage", "rad", 0.1, 2.0)
+    for name, unit, factor in (
+        ("supply_sag", "1/A", 2.0),
+        ("supply_sag_by_command", "1/V", 1.0),
+        ("supply_sag_by_power", "1/(V A)", 2.0),
+    ):
+        (effect,) = (effect for effect in built_in() if effect.name == name)
+        assert units(canonical(effect).dimensions["gain"], drive)[::2] == (unit, factor)

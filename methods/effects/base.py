@@ -43,6 +43,8 @@ Dimension = Literal[
     "inertia",
     "1/command",
     "1/command squared",
+    "1/voltage",  # of the command itself, not of the torque that it makes
+    "1/power",  # of command times motor torque
     "1/position squared",
     "time",
     "frequency",

@@ -58,7 +58,12 @@ comes first. A friction law that stands beside `coulomb_friction` is said withou
 `presliding_friction` contain it; `friction_asymmetry` is the difference between the directions alone and stands
 beside it, and a difference that is viscous only is one, too. A weight that depends on the angle is nominal where a
 robot description has gravity, and `gravity_tilt` where nothing states it. An event (`collision`, `payload_change`)
-happens once in every log, at an instant of its own, or in one of them.
+happens once in every log, at an instant of its own, or in one of them; several of one kind in the same log leave
+something unexplained.
+
+**What is no effect here.** Nominal parameters that differ from what a description states (`parameter_mismatch`) are not
+named: they are refitted always, and the report and `nominal_parameters` in `diagnosis.json` state each of them as
+given, refitted, and beside the effects.
 """
 
 

@@ -63,6 +63,11 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     deviance, coefficients, deviations = found["velocity"]
     if deviance > best[0] + 1e-9 or coefficients[-1] <= 0.0:
         return None
+    law = laws["velocity"]
+    within = square < FAR_OUT**2 * (coefficients @ law)  # beyond a scatter that is the same always what is fast may be
+    _, coefficients, deviations = _likelihood(law[:, within], square[within])
+    if coefficients[-1] <= 0.0:
+        return None
     rms = float(np.sqrt(coefficients[-1]))
     robust = float((coefficients[-1] / max(deviations[-1], 1e-300)) ** 2)
     return Jitter(rms, float(deviations[-1]) / (2.0 * rms), min(without[0] - deviance, robust))

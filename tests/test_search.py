@@ -1787,6 +1787,24 @@ def test_jitter_is_told_from_noise_with_long_tails() -> None:
     assert none is None or none.decrease < 12.0
 
 
+def test_jitter_of_a_motion_in_bursts_has_its_size() -> None:
+    """The largest errors are those of fast motion: they stand out of a scatter that is the same always only."""
+    time, size, found = DT * np.arange(5000), 2e-4, []
+    command = (4.0 * np.sin(4.0 * np.pi * time) * (np.mod(time, 2.0) < 0.5))[:, None]
+    model = StructuredModel((StructuredJoint(1, "voltage", JOINT, {}),), DT, None, EFFECTS)
+    motion = model.simulate(time, command, State.at_rest(0.0)).position[:, 0]
+    facts = (JointFacts(input="voltage", position_unit="rad"),)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        reading = np.interp(time + size * rng.standard_normal(len(time)), time, motion)
+        reading += 2e-6 * rng.standard_normal(len(time))
+        problem = stack(KERNEL, [Log(time, command, reading[:, None], (1,), facts=facts, name="bursts")], (1,))
+        one = jitter(problem, fit_nominal(problem, (JointStructure(),)), 0)
+        assert one is not None
+        found.append(one.rms)
+    assert np.mean(found) == pytest.approx(size, rel=0.05)
+
+
 def test_jitter_shows_in_continuous_readings_behind_dry_friction() -> None:
     """There is no rounding to tell from other noise there, and few samples at reversals are far out."""
     log = record({"coulomb_friction": {"torque": 0.3}})

@@ -231,8 +231,9 @@ def general(
     settings: Settings,
 ) -> tuple[list[Accepted], Fitted]:
     """Without effects that do not pay for themselves beside the others, weak ones that make data that nobody fitted
-    less likely, or no likelier where they are begun anew there (a wave whose phase every log has of its own finds some
-    in any), and weak events that do not happen there: that one happens in one log only needs more evidence.
+    less likely, or waves that make them likelier by less than a share of what they explain (their phase there is free
+    to follow what else moves), and weak events that do not happen there: that one happens in one log only needs more
+    evidence.
 
     A small one beside others counts as weak whatever its evidence: where small causes grow, or a law beside it is
     inexact, any law that shapes the fitted motion a little finds some. So does one beside torques of the rest of an

@@ -68,20 +68,18 @@ given, refitted, and beside the effects.
 
 
 def summary(effect: Effect) -> str:
-    """First paragraph of the effect's own module, without its first word where that repeats the name."""
+    """First paragraph of the effect's own module."""
     text = inspect.getdoc(importlib.import_module(f"methods.effects.{effect.label}")) or ""
     return " ".join(text.split("\n\n")[0].split())
 
 
 def stated(effect: Effect) -> str:
     """What the report states of one form, with units and meanings."""
-    own = {parameter.name: parameter.meaning for parameter in effect.parameters}
+    own = {(parameter.name, parameter.dimension): parameter.meaning for parameter in effect.parameters}
     found = []
     for name, dimension in canonical(effect).dimensions.items():
         unit = units(dimension, VOLTAGE)[0]
-        meaning = OF_THE_WHOLE.get(name, own.get(name, ""))
-        if name in own and not any(p.name in ("sine", "deflection", "inertia_ratio") for p in effect.parameters):
-            meaning = own[name]
+        meaning = own.get((name, dimension)) or OF_THE_WHOLE.get(name, "")
         found.append(f"`{name}`" + (f" [{unit}]" if unit != "1" else "") + (f": {meaning}" if meaning else ""))
     return "; ".join(found).replace("|", "\\|")
 

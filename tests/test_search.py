@@ -490,16 +490,11 @@ def test_a_rival_that_only_stopped_short_of_the_same_is_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("voltage", "sharpness", "laws"),
-    [
-        (1.0, 2.0, {"torque_constant_saturation"}),
-        (3.0, 2.0, {"torque_constant_saturation"}),
-        (1.0, 3.5, {"torque_constant_saturation"}),
-        (1.0, 8.0, set()),
-    ],
+    ("voltage", "sharpness", "forms"),
+    [(1.0, 2.0, ["power", "knee"]), (3.0, 2.0, ["power", "knee"]), (1.0, 3.5, ["knee"]), (1.0, 8.0, [])],
 )
 def test_general_forms_of_other_laws_are_rivals_of_a_general_form(
-    voltage: float, sharpness: float, laws: set[str]
+    voltage: float, sharpness: float, forms: list[str]
 ) -> None:
     """A gradual saturation of the torque constant is one of the amplifier where nothing lies between them, unless that
     has a corner."""
@@ -509,7 +504,7 @@ def test_general_forms_of_other_laws_are_rivals_of_a_general_form(
     nominal = fit_nominal(problem, (JointStructure(input="torque", electrical=False),))
     item = accepted(problem, nominal, "gradual_voltage_saturation", [voltage, sharpness])
     found = in_other_terms(problem, item.scored.fitted, item, EFFECTS, Settings())
-    assert {rival.label for rival in found.rivals} == laws
+    assert [rival.name for rival in found.rivals] == [f"torque_constant_saturation_{form}" for form in forms]
 
 
 def test_a_law_of_the_motor_torque_imitates_one_of_the_command() -> None:

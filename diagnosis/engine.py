@@ -100,6 +100,8 @@ JITTER = "timestamp_jitter"
 """The effect that shows in the scatter of the readings only."""
 FORKS = 2
 """Other ways that are tried."""
+SLIGHT = 3
+"""Slight effects that are tried in the place of others."""
 REFINED = 0.25
 """Budgets of simulations that laws may be exchanged for where no more is left than noise and inexact laws leave."""
 WHOLE = 0.1
@@ -307,10 +309,11 @@ class Fork:
 class Path:
     """A way through the search: the effects accepted so far, the model with them, and where it could have gone instead.
 
-    forks: the other ways at every step, best first. equals: effects with their joints and the laws that explained
-    nearly as much when they were taken. unsteady: the evidence for disturbances that were refused because not all logs
-    have them. optima: where fits stopped in rough ground when a play was found (`diagnosis.hopping`). is_cut: whether
-    the budget left other ways from here untried, or further effects.
+    forks: the other ways at every step, best first. slight: what has evidence beside all the others, but was refused,
+    best first. equals: effects with their joints and the laws that explained nearly as much when they were taken.
+    unsteady: the evidence for disturbances that were refused because not all logs have them. optima: where fits stopped
+    in rough ground when a play was found (`diagnosis.hopping`). is_cut: whether the budget left other ways from here
+    untried, or further effects.
     """
 
     base: Fitted
@@ -319,6 +322,7 @@ class Path:
     steps: tuple[Fitted, ...]
     left: tuple[Remainder, ...] = ()
     refused: tuple[Ranked, ...] = ()
+    slight: tuple[Scored, ...] = ()
     unsteady: float = 0.0
     forks: tuple[Fork, ...] = ()
     equals: frozenset[tuple[str, int, str]] = frozenset()
@@ -369,7 +373,7 @@ def laws_of_one_signal(item: Accepted, candidates: Sequence[tuple[Effect, int]])
 def shortened(path: Path, others: tuple[Accepted, ...], base: Fitted) -> Path:
     """The path with some of its effects only; base: the model with these."""
     present = frozenset(place for other in others for place in stood_for(other))
-    return replace(path, base=base, accepted=others, present=present, left=())
+    return replace(path, base=base, accepted=others, present=present, left=(), slight=())
 
 
 @dataclass(frozen=True, eq=False)
@@ -448,7 +452,8 @@ class Search:
                 real = [
                     s for s in ranked if s.evidence < settings.threshold or is_of_motion(problem, s.fitted, path.base)
                 ]
-                path = replace(path, refused=ranking(real), unsteady=unsteady)
+                slight = tuple(s for s in ranked if s.evidence > settings.threshold and not s.effect.scatters)
+                path = replace(path, refused=ranking(real), slight=slight[:SLIGHT], unsteady=unsteady)
                 break
             before = replace(path, forks=())
             chosen, nearer = firm_ground_first(chosen, much_closer(problem, chosen, ranked, settings))
@@ -601,6 +606,7 @@ class Search:
             present=present,
             steps=steps,
             left=(),
+            slight=(),
             equals=equals,
             optima=own(optima) or own(path.optima),
         )
@@ -676,19 +682,27 @@ class Search:
 
     def with_second(self, path: Path, item: Accepted) -> Path | None:
         """The path with what came second in the place of what was taken then, as it was fitted then but beside all the
-        others; None if none does better.
+        others, or with what is slight beside them; None if none does better.
 
-        Another form of the second's law that came later goes, too: it made up for what the first one lacks.
+        A spring that hardly bends may stand for a late command, and leave little of it to explain. Another form of the
+        second's law that came later goes, too: it made up for what the first one lacks.
         """
         rest = tuple(other for other in path.accepted if other is not item)
         seconds = [
             fork.other
-            for fork in path.forks
+            for fork in (path.forks if rest else ())
             if fork.taken == (item.label, item.joint) and fork.other.label != item.label
             if (fork.other.name, fork.other.joint) not in {(other.name, other.joint) for other in rest}
         ]
+        excluded = {place for other in rest for place in stood_for(other)}
+        seconds += [
+            Accepted(scored, 0.0, ())
+            for scored in path.slight
+            if scored.start.hypothesis.joint == item.joint and scored.effect.size <= item.effect.size
+            if scored.label != item.label and (scored.name, item.joint) not in excluded
+        ]
         options = [(second, tuple(other for other in rest if not of_one_law(other, second))) for second in seconds]
-        if not rest or not options:
+        if not options:
             return None
         self.tell(f"what came second to {item.label}")
         fits = each(lambda option: beside(self.problem, path.base, option[0].scored, option[1]), options)

@@ -35,11 +35,11 @@ from diagnosis.competition import (
     other_laws,
     simpler_rivals,
 )
-from diagnosis.estimation import Fitted, fit, scatters
+from diagnosis.estimation import Fitted, errors, fit, scatters
 from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, stood_for
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, hopped, with_laws
-from diagnosis.hypotheses import Hypothesis, Start, extend
+from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of
 from diagnosis.imitation import alike, imitating, in_place
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
@@ -86,9 +86,11 @@ from diagnosis.search import (
     simpler,
     stuck,
     try_all,
+    unfitted,
     with_limiting_effects,
 )
 from diagnosis.settings import LENGTH, SHORTEST, Settings
+from diagnosis.shooting import best_of, shot
 from diagnosis.timing import timing_settled
 from diagnosis.turns import either_way, free_of_filter, in_turns
 from diagnosis.verdict import allowance, unexplained, verdict
@@ -236,7 +238,7 @@ def continued(
     path = search.grown(path)
     if search.cost(path) >= most:
         return None
-    path = search.exchanged(path)
+    path = search.exchanged(search.with_play(path))
     accepted = (
         item if item.scored.evidence > search.settings.threshold else scored_anew(search.problem, path.base, item)
         for item in path.accepted
@@ -442,6 +444,8 @@ class Search:
                 ranked = also_from_regression(problem, self.structures, path.base, candidates, ranked)
             if ranked and ranked[0].effect.scatters and not has_play(path):
                 ranked = either(ranked, plays(problem, path.base, candidates))
+            elif not has_play(path):
+                ranked = self.shot(path, ranked)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
             ranked = on_either_joint(problem, path.base, ranked)
@@ -466,6 +470,17 @@ class Search:
                 break
             path = longer
         return path if path.left else replace(path, left=remainders(problem, path.base))
+
+    def shot(self, path: Path, ranked: list[Scored]) -> list[Scored]:
+        """The hypotheses, with those in whose motion small causes grow fitted by multiple shooting, where they are
+        nearly the best and that one leaves something: fitted to whole logs they may have stopped far from where they
+        fit."""
+        close = [s for s in ranked if s.effect.scatters and s.evidence > FORK * ranked[0].evidence]
+        if not close or all(left.excess == 0.0 for left in remainders(self.problem, ranked[0].fitted)):
+            return ranked
+        self.tell(f"{close[0].label} by multiple shooting")
+        fits = each(lambda s: best_of(shot(self.problem, s.fitted)), close)
+        return either(ranked, [s.refitted(path.base, fitted) for s, fitted in zip(close, fits, strict=True)])
 
     def reformed(self, path: Path) -> Path | None:
         """The path with another form of the law of an earlier effect in its place, where that does better beside those
@@ -682,10 +697,9 @@ class Search:
 
     def with_second(self, path: Path, item: Accepted) -> Path | None:
         """The path with what came second in the place of what was taken then, as it was fitted then but beside all the
-        others, or with what is slight beside them; None if none does better.
+        others, or with what is slight beside them, or with a lag for a spring; None if none does better.
 
-        A spring that hardly bends may stand for a late command, and leave little of it to explain. Another form of the
-        second's law that came later goes, too: it made up for what the first one lacks.
+        Another form of the second's law that came later goes, too: it made up for what the first one lacks.
         """
         rest = tuple(other for other in path.accepted if other is not item)
         seconds = [
@@ -701,6 +715,7 @@ class Search:
             if scored.start.hypothesis.joint == item.joint and scored.effect.size <= item.effect.size
             if scored.label != item.label and (scored.name, item.joint) not in excluded
         ]
+        seconds += self.late(path, item)
         options = [(second, tuple(other for other in rest if not of_one_law(other, second))) for second in seconds]
         if not options:
             return None
@@ -723,6 +738,24 @@ class Search:
             return None
         chosen = replace(chosen, considered=best.considered)
         return self.instead(path, others, smaller, chosen, margins[first])
+
+    def late(self, path: Path, item: Accepted) -> list[Accepted]:
+        """The lags of the command, not fitted yet, in the place of a spring: one that hardly bends may stand for such a
+        lag, and leave nothing of it to explain."""
+        problem, base, joint = self.problem, path.base, item.joint
+        if item.effect.scatters or not item.effect.parts_the_arm:
+            return []
+        others = tuple(other for other in path.accepted if other is not item)
+        candidates = self.candidates(shortened(path, others, base), is_full=False)
+        size, found = sizes_of(problem, base)[joint], []
+        for effect, j in candidates:
+            if j == joint and effect.exchanges and effect.starts is not None:
+                values = np.tile(np.array(next(iter(effect.starts(size))), float), (problem.logs, 1))
+                start = Start(Hypothesis(effect, j), values, 0.0)
+                point = in_place(problem, base, item.effect, start)
+                begun = unfitted(problem, base, point, errors(problem, [point])[0])
+                found.append(Accepted(score(problem, base, start, begun), 0.0, ()))
+        return found
 
     def with_another_law(self, path: Path, item: Accepted, *, any_law: bool) -> Path | None:
         """The path with another law in the place of an effect: any, or one of its near equals; None if none does
@@ -788,15 +821,21 @@ class Search:
         taken for slow noise.
 
         Few of its starting values come close to the motion, and what other laws imitate of it is found first. It is
-        begun by itself and beside the friction of the path: friction holds an arm in its play, which drifts without.
+        begun beside all but a spring, which may stand for it, beside the friction of the path alone, since friction
+        holds an arm in its play, which drifts without, and by itself.
         """
         asks = self.incomplete(path) or is_foreseen(self.problem, path.base, SPRUNG if has_spring(path) else FORESEEN)
         if has_play(path) or not asks or self.is_over:
             return path
         self.tell("a play, begun from everywhere")
         best, rubbing = path, tuple(item for item in path.accepted if acts_on_either_side(item.effect))
-        for begun in (self.start, self.reduced(path, rubbing)) if rubbing else (self.start,):
+        rigid = tuple(item for item in path.accepted if not item.effect.parts_the_arm)
+        for kept in dict.fromkeys((rigid, rubbing, ()) if has_spring(path) else (rubbing, ())):
+            if best is not path and not self.incomplete(best):
+                break
+            begun = self.reduced(path, kept) if kept else self.start
             ranked = plays(self.problem, begun.base, self.candidates(begun, is_full=False))
+            ranked = self.shot(begun, ranked)
             explained = self.nominal.criterion - begun.base.criterion
             chosen = choose(self.problem, begun.base, ranked, self.settings, explained, begun.accepted)
             if chosen is not None:

@@ -9,51 +9,55 @@ D. J. Wales and J. P. K. Doye, Global optimization by basin-hopping, Journal of 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, fit
 from diagnosis.problem import Problem
+from diagnosis.shooting import best_of, shot
 from methods.parallel import each
 
 WIDTHS = (0.001, 0.1)
 """Least and largest rms of a hop, as a share of each parameter; drawn anew for every hop, their logarithm uniformly."""
 ABREAST = 2
 """Hops from one optimum that are made at the same time."""
-PATIENCE = 6
+PATIENCE = 4
 """Hops without gain after which the best optimum counts as found."""
-HOPS = 24
+HOPS = 12
 """Most hops."""
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """Where a fit stopped: its criterion, and the values of its free parameters by their names."""
+    """Where a fit stopped: its criterion, the values of its free parameters by their names, and the standard deviations
+    that multiple shooting tells, if any."""
 
     criterion: float
     values: Mapping[str, float]
+    deviations: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, fitted: Fitted) -> Optimum:
+    def of(cls, fitted: Fitted, deviations: Mapping[str, float] | None = None) -> Optimum:
         """That of a fit."""
-        names = (f.name for f in fitted.point.free)
-        return cls(fitted.criterion, dict(zip(names, fitted.point.vector.tolist(), strict=True)))
+        return cls(fitted.criterion, fitted.point.values, deviations or {})
 
 
 def hopped(problem: Problem, fitted: Fitted) -> tuple[Fitted, tuple[Optimum, ...]]:
-    """The best of many optima near a fit, and all of them."""
+    """The best of many optima, where multiple shooting leads to from a fit and near there, and all of them."""
     generator = np.random.default_rng(0)
     lasting = np.array([f.log < 0 for f in fitted.point.free])  # not what is of one log: its initial state
-    best, found, since = fitted, [Optimum.of(fitted)], 0
+    fits = shot(problem, fitted)
+    best = best_of(fits)
+    found, since = [Optimum.of(own.fitted, own.deviations) for own in fits], 0
 
     def beside(best: Fitted) -> Point:
         width = np.exp(generator.uniform(*np.log(WIDTHS)))
         moved = best.point.vector * (1.0 + width * lasting * generator.standard_normal(len(lasting)))
         return best.point.within(moved)
 
-    while since < PATIENCE and len(found) <= HOPS:
+    while since < PATIENCE and len(found) < HOPS + len(fits):
         hop = partial(fit, problem, filter_=best.whitener, rounds=1)
         for other in each(hop, [beside(best) for _ in range(ABREAST)]):
             since = 0 if other.criterion < best.criterion else since + 1
@@ -79,9 +83,16 @@ def with_laws(optima: Sequence[Optimum], laws: Collection[str], wanted: Collecti
 
 
 def distances(optima: Sequence[Optimum], growth: float = 1.0) -> dict[str, float]:
-    """Rms distance of each free parameter, by its name, between the best optimum and those that are as likely."""
+    """Uncertainty of each free parameter, by its name: its rms distance between the best optimum and those that are as
+    likely, and its standard deviation over the pieces of the best one that comes of multiple shooting."""
     found = likely(optima, growth)
+    told = min((o for o in optima if o.deviations), key=lambda optimum: optimum.criterion, default=None)
     return {
-        name: float(np.sqrt(np.mean([(optimum.values[name] - value) ** 2 for optimum in found])))
+        name: float(
+            np.hypot(
+                np.sqrt(np.mean([(optimum.values[name] - value) ** 2 for optimum in found])),
+                0.0 if told is None else told.deviations.get(name, 0.0),
+            )
+        )
         for name, value in (found[0].values.items() if found else ())
     }

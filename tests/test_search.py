@@ -954,12 +954,26 @@ def test_what_was_taken_first_goes_where_those_after_it_do_as_well_alone() -> No
     assert search.exchanged(other) is other
 
 
+def test_a_late_command_takes_the_place_of_a_spring_that_hardly_bends() -> None:
+    """A spring beside a winding's lag leaves nothing of it to explain: nothing else would ask."""
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of({"input_delay": {"delay": 0.008}}, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    few = [NAMED[name] for name in ("input_delay", "amplifier_lag", "joint_flexibility_load_side")]
+    search = Search(problem, (JointStructure(),), few, Settings(), nominal, lambda text: None)
+    spring = accepted(problem, nominal, "joint_flexibility_load_side", [0.9, 8.0, 0.2])
+    path = Path(spring.scored.fitted, (spring,), frozenset({(spring.name, 0)}), (nominal,))
+    other = search.exchanged(path)
+    assert [item.label for item in other.accepted] == ["input_delay"]
+    assert other.base.point.value("input_delay.delay@0") == pytest.approx(0.008, rel=0.02)
+
+
 @pytest.mark.parametrize(("is_left", "is_slow"), [(True, False), (False, True), (False, False)])
 def test_a_play_is_begun_from_everywhere_only_where_something_is_left_or_taken_for_slow_noise(
     is_left: bool, is_slow: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What it explains stays if it costs less; here friction is what is said to have been found so. It is begun by
-    itself, and beside what of the path is friction."""
+    """What it explains stays if it costs less; here friction is what is said to have been found so. It is begun beside
+    what of the path is friction and, where that leaves something, by itself."""
     noise = 2e-3 * np.random.default_rng(0).standard_normal(5000)
     problem = problem_of({"coulomb_friction": {"torque": 0.2}}, noise)
     nominal = fit_nominal(problem, (JointStructure(),))
@@ -977,7 +991,7 @@ def test_a_play_is_begun_from_everywhere_only_where_something_is_left_or_taken_f
     other = search.with_play(path)
     begun = is_left or is_slow
     assert [item.label for item in other.accepted] == ["coulomb_friction" if begun else "quadratic_drag"]
-    assert [base.point.switches.sum() for base in bases] == ([0, 1] if begun else [])
+    assert [base.point.switches.sum() for base in bases] == ([1, 0] if is_left else [1] if is_slow else [])
     found.clear()
     assert search.with_play(path) is path
 

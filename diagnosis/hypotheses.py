@@ -165,8 +165,11 @@ def resists(effect: Effect) -> bool:
 
 def is_divided(problem: Problem, effects: Iterable[Effect], stated: float) -> bool:
     """Whether mechanical damping and back-EMF may be two parameters of a joint with these effects: the motor torque
-    drives one of them or, where nobody stated the former, one resists. stated: mechanical damping as stated, or 0."""
-    return problem.divides_damping or any(e.has_motor_torque or (stated == 0.0 and resists(e)) for e in effects)
+    drives one of them, one is a spring or a play or, where nobody stated the former, one resists. stated: mechanical
+    damping as stated, or 0."""
+    if problem.divides_damping:
+        return True
+    return any(e.has_motor_torque or e.parts_the_arm or (stated == 0.0 and resists(e)) for e in effects)
 
 
 def is_wave(effect: Effect) -> bool:

@@ -321,14 +321,16 @@ def damping_settled(problem: Problem, fitted: Fitted) -> Fitted:
     """The fit with mechanical damping and back-EMF as two parameters, where this makes the logs far likelier.
 
     A winding's lag holds up the back-EMF only. Beside inertia and damping alone either can stand in for the other. The
-    links of an arm, whose pose changes the inertia, tell them apart; so do effects that resist, but so faintly that a
-    simulator's steps may do it, too: beside them a share that was stated is better.
+    links of an arm, whose pose changes the inertia, tell them apart, and so does what hangs on a spring or a play, of
+    which the motor feels less the faster it moves; effects that resist do so, too, but so faintly that a simulator's
+    steps may do it as well: beside them a share that was stated is better.
     """
     known, column = {f.name: f for f in fitted.point.free}, COLUMN["viscous"]
     for j in range(problem.joints):
         back_emf, winding = known.get(f"back_emf@{j}"), known.get(f"electrical_time_constant@{j}")
         begin = float(fitted.point.parameters[0, j, column])
-        is_told = problem.divides_damping or (begin == 0.0 and np.any(fitted.point.switches[j]))
+        present = [e for e, on in zip(problem.kernel.effects, fitted.point.switches[j], strict=True) if on]
+        is_told = problem.divides_damping or any(e.parts_the_arm for e in present) or bool(begin == 0.0 and present)
         if f"viscous@{j}" in known or back_emf is None or winding is None or not is_told:
             continue
         point = replace(fitted.point, free=(*fitted.point.free, free_damping(j, back_emf.scale, begin)))

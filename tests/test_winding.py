@@ -24,14 +24,17 @@ DT, STEP = 1e-3, 1e-5
 INERTIA, VISCOUS, BACK_EMF, WINDING, FRICTION = 0.02, 0.15, 0.15, 0.006, 0.2
 
 
+FRICTIONAL = {"coulomb_friction": {"torque": FRICTION}}
+SPRUNG = {"joint_flexibility": {"inertia_ratio": 0.5, "frequency": 6.0, "damping_ratio": 0.05}}
+
+
 @cache
-def recorded() -> Problem:
-    """Two logs of a motor with dry friction half of whose damping is mechanical."""
+def recorded(is_sprung: bool = False) -> Problem:
+    """Two logs of a motor half of whose damping is mechanical, with dry friction or with an arm on a spring."""
     time, rng, logs = DT * np.arange(15000), np.random.default_rng(0), []
     known = {"inertia": INERTIA, "viscous": VISCOUS, "back_emf": BACK_EMF, "electrical_time_constant": WINDING}
-    model = StructuredModel(
-        (StructuredJoint(1, "voltage", known, {"coulomb_friction": {"torque": FRICTION}}),), DT, None, EFFECTS
-    )
+    effects = SPRUNG if is_sprung else FRICTIONAL
+    model = StructuredModel((StructuredJoint(1, "voltage", known, effects),), DT, None, EFFECTS)
     for number in range(2):
         hertz = np.linspace(0.2, 6.0, 14) * (1.0 + 0.05 * number)
         phase = rng.uniform(0.0, 6.28, 14)
@@ -75,6 +78,23 @@ def test_a_stated_share_is_left_as_it_is() -> None:
     problem = recorded()
     stated = with_friction(problem, 0.4)
     assert damping_settled(problem, stated) is stated
+
+
+def test_a_spring_tells_the_share_though_another_was_stated() -> None:
+    """Without it the spring is off by far more than its standard deviation."""
+    problem = recorded(is_sprung=True)
+    point = fit_nominal(problem, (JointStructure(viscous_share=0.4),)).point
+    point.parameters[:, 0, :4] = INERTIA, 0.8 * VISCOUS, BACK_EMF + 0.2 * VISCOUS, WINDING
+    values = np.tile(list(SPRUNG["joint_flexibility"].values()), (problem.logs, 1))
+    point = extend(problem, point, Hypothesis(NAMED["joint_flexibility"], 0), values)
+    before = fit(problem, point, iterations=12)
+    found = damping_settled(problem, before)
+    assert floors(problem, before) > 3.0 > 2.0 > floors(problem, found)
+    assert found.point.value("viscous@0") == pytest.approx(VISCOUS, rel=0.05)
+    assert found.point.value("joint_flexibility.frequency@0") == pytest.approx(6.0, rel=1e-3)
+    also = extend(problem, found.point, Hypothesis(NAMED["quadratic_drag"], 0), np.full((problem.logs, 1), 0.01))
+    fewer = withdraw(problem, also, "quadratic_drag", 0)
+    assert fewer.value("viscous@0") == found.point.value("viscous@0")
 
 
 @pytest.mark.parametrize(("winding", "most"), [(0.009, 0.002), (0.003, 0.003)])

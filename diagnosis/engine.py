@@ -445,7 +445,7 @@ class Search:
             if ranked and ranked[0].effect.scatters and not has_play(path):
                 ranked = either(ranked, plays(problem, path.base, candidates))
             elif not has_play(path):
-                ranked = self.shot(path, ranked)
+                ranked = self.led_by_pieces(path, ranked)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
             ranked = settled_anew(problem, self.structures, path.base, ranked)
             ranked = on_either_joint(problem, path.base, ranked)
@@ -471,7 +471,7 @@ class Search:
             path = longer
         return path if path.left else replace(path, left=remainders(problem, path.base))
 
-    def shot(self, path: Path, ranked: list[Scored]) -> list[Scored]:
+    def led_by_pieces(self, path: Path, ranked: list[Scored]) -> list[Scored]:
         """The hypotheses, with those in whose motion small causes grow fitted by multiple shooting, where they are
         nearly the best and that one leaves something: fitted to whole logs they may have stopped far from where they
         fit."""
@@ -715,7 +715,7 @@ class Search:
             if scored.start.hypothesis.joint == item.joint and scored.effect.size <= item.effect.size
             if scored.label != item.label and (scored.name, item.joint) not in excluded
         ]
-        seconds += self.late(path, item)
+        seconds += self.late(path, item, rest)
         options = [(second, tuple(other for other in rest if not of_one_law(other, second))) for second in seconds]
         if not options:
             return None
@@ -739,13 +739,12 @@ class Search:
         chosen = replace(chosen, considered=best.considered)
         return self.instead(path, others, smaller, chosen, margins[first])
 
-    def late(self, path: Path, item: Accepted) -> list[Accepted]:
+    def late(self, path: Path, item: Accepted, others: tuple[Accepted, ...]) -> list[Accepted]:
         """The lags of the command, not fitted yet, in the place of a spring: one that hardly bends may stand for such a
         lag, and leave nothing of it to explain."""
         problem, base, joint = self.problem, path.base, item.joint
         if item.effect.scatters or not item.effect.parts_the_arm:
             return []
-        others = tuple(other for other in path.accepted if other is not item)
         candidates = self.candidates(shortened(path, others, base), is_full=False)
         size, found = sizes_of(problem, base)[joint], []
         for effect, j in candidates:
@@ -835,7 +834,7 @@ class Search:
                 break
             begun = self.reduced(path, kept) if kept else self.start
             ranked = plays(self.problem, begun.base, self.candidates(begun, is_full=False))
-            ranked = self.shot(begun, ranked)
+            ranked = self.led_by_pieces(begun, ranked)
             explained = self.nominal.criterion - begun.base.criterion
             chosen = choose(self.problem, begun.base, ranked, self.settings, explained, begun.accepted)
             if chosen is not None:

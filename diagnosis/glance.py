@@ -77,12 +77,16 @@ def can_be_glanced_at(effect: Effect) -> bool:
     return not (effect.has_time or effect.remembers)
 
 
+def can_be_cut(problem: Problem, point: Point) -> bool:
+    """Whether a model is the same in every stretch of the logs, and nothing of it is of one log only."""
+    there = (problem.kernel.effects[i] for i in np.flatnonzero(point.switches.any(axis=0)))
+    return all(map(can_be_glanced_at, there)) and not any(f.kind == "log" for f in point.free)
+
+
 def glance(problem: Problem, base: Fitted) -> Glance | None:
     """The model on segments of its logs and in one step per sample, filtered and with its errors as they are; None
     where that saves too little, or the model itself needs whole logs or shorter steps."""
-    there = np.flatnonzero(base.point.switches.any(axis=0))
-    whole = not all(can_be_glanced_at(problem.kernel.effects[i]) for i in there)
-    if whole or any(f.kind == "log" for f in base.point.free):
+    if not can_be_cut(problem, base.point):
         return None
     length = round(SECONDS / problem.sample_time)
     count = max(SAMPLES // problem.joints // length, 2 * problem.logs // problem.joints)
@@ -122,16 +126,9 @@ def _places(problem: Problem, length: int, count: int) -> np.ndarray:
 def _cut(problem: Problem, motion: Array, places: np.ndarray, length: int) -> Problem:
     """Segments as logs that begin in the state of the model's motion (T, n, 3)."""
     rows = (places[:, None] + np.arange(length)).ravel()
-    return replace(
-        problem,
-        time=problem.time[rows],
-        command=problem.command[rows],
-        reading=problem.reading[rows],
-        neighbour=problem.neighbour[rows] if len(problem.neighbour) else problem.neighbour,
-        bounds=length * np.arange(len(places) + 1),
-        names=tuple(f"at {problem.time[place]:.1f} s" for place in places),
-        starts=np.pad(motion[places], ((0, 0), (0, 0), (0, len(BEGINNING) - motion.shape[2]))),
-    )
+    names = tuple(f"at {problem.time[place]:.1f} s" for place in places)
+    starts = np.pad(motion[places], ((0, 0), (0, 0), (0, len(BEGINNING) - motion.shape[2])))
+    return problem.part(rows, length * np.arange(len(places) + 1), starts, names)
 
 
 def _free(point: Point, part: Problem, logs: np.ndarray) -> tuple[Free, ...]:

@@ -262,6 +262,19 @@ class Problem:
             bounded(out)
         return out
 
+    def part(self, rows: np.ndarray, bounds: np.ndarray, starts: Array, names: tuple[str, ...] = ()) -> Problem:
+        """Some of the samples (K,) as logs of their own between bounds, which begin in these states."""
+        return replace(
+            self,
+            time=self.time[rows],
+            command=self.command[rows],
+            reading=self.reading[rows],
+            neighbour=self.neighbour[rows] if len(self.neighbour) else self.neighbour,
+            bounds=bounds,
+            names=names,
+            starts=starts,
+        )
+
     def motion(self, parameters: Array, switches: np.ndarray, rigid: Array, starts: Array) -> Array:
         """Predicted angle, velocity and motor torque (T, n, 3) of one model, from readings before each sample only.
 

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors
-from diagnosis.glance import can_be_glanced_at
+from diagnosis.glance import can_be_cut
 from diagnosis.problem import Free, Problem
 from diagnosis.replay import begun
 from diagnosis.turns import free_of_filter
@@ -81,33 +82,26 @@ class Pieces:
 
 
 def shot(problem: Problem, fitted: Fitted) -> list[Shot]:
-    """The fit, and those of whole logs that multiple shooting leads to from it, as long as they get better."""
-    found, best = [Shot(fitted)], fitted
-    for _ in range(TURNS):
-        ways = [found[-1].fitted.point] * len(LENGTHS), LENGTHS
-        told = [own for own in each(lambda way: led(problem, *way), list(zip(*ways, strict=True))) if own is not None]
-        if not told:
-            break
+    """The fit, and those of whole logs that multiple shooting leads to from it, as long as they get better; the fit
+    alone where the model depends on what came before, or something of it is of one log only."""
+    found = [Shot(fitted)]
+    for _ in range(TURNS if can_be_cut(problem, fitted.point) else 0):
+        told = each(partial(led, problem, found[-1].fitted.point), LENGTHS)
         agreement = min(told, key=lambda own: own.square)
         whole = free_of_filter(problem, fitted.point.taking(agreement.values))
+        is_better = whole.criterion < best_of(found).criterion - 1.0
         found.append(Shot(whole, spread(agreement, told)))
-        if not found[-1].fitted.criterion < best.criterion - 1.0:
+        if not is_better:
             break
-        best = found[-1].fitted
     return found
 
 
-def led(problem: Problem, point: Point, seconds: float) -> Agreement | None:
-    """What pieces of the first of `LENGTHS` agree on, begun from what pieces of this length do; None where there are
-    none."""
-    agreement = None
-    for length in dict.fromkeys((seconds, LENGTHS[0])):
-        pieces = cut(problem, point, length)
-        if pieces is None:
-            return None
-        agreement = agreed(pieces)
-        point = point.taking(agreement.values)
-    return agreement
+def led(problem: Problem, point: Point, seconds: float) -> Agreement:
+    """What pieces of the first of `LENGTHS` agree on, begun from what pieces of this length do."""
+    agreement = agreed(cut(problem, point, seconds))
+    if seconds == LENGTHS[0]:
+        return agreement
+    return agreed(cut(problem, point.taking(agreement.values)))
 
 
 def spread(best: Agreement, others: Sequence[Agreement]) -> dict[str, float]:
@@ -123,12 +117,8 @@ def best_of(shots: Sequence[Shot]) -> Fitted:
     return min((own.fitted for own in shots), key=lambda fitted: fitted.criterion)
 
 
-def cut(problem: Problem, point: Point, seconds: float = LENGTHS[0]) -> Pieces | None:
-    """Pieces of a length [s] that begin in the states of the observer; None where the model depends on what was before,
-    or something of it is of one log only."""
-    present = (problem.kernel.effects[i] for i in np.flatnonzero(point.switches.any(axis=0)))
-    if not all(map(can_be_glanced_at, present)) or any(f.kind == "log" for f in point.free):
-        return None
+def cut(problem: Problem, point: Point, seconds: float = LENGTHS[0]) -> Pieces:
+    """Pieces of a length [s] that begin in the states of the observer, of a model that can be cut."""
     width = max(round(seconds / problem.sample_time), SHORTEST)
     share = min(1.0, SAMPLES / len(problem.time))
     rows, starts, owners = [], [], []
@@ -140,22 +130,12 @@ def cut(problem: Problem, point: Point, seconds: float = LENGTHS[0]) -> Pieces |
             rows.append(np.arange(a + begin, min(a + begin + width, b)))
             starts.append(state)
             owners.append(log)
-    taken, beginning = np.concatenate(rows), np.array(starts)
-    part = replace(
-        problem,
-        time=problem.time[taken],
-        command=problem.command[taken],
-        reading=problem.reading[taken],
-        neighbour=problem.neighbour[taken] if len(problem.neighbour) else problem.neighbour,
-        bounds=np.cumsum([0, *map(len, rows)]),
-        names=(),
-        starts=beginning,
-        burn_in=0.0,
-    )
+    beginning = np.array(starts)
+    part = problem.part(np.concatenate(rows), np.cumsum([0, *map(len, rows)]), beginning)
     size = np.std(beginning[:, :, STATE], axis=0)
     size[:, STATE.index(ANGLE)] = np.std(np.diff(problem.reading, axis=0), axis=0)
     own = replace(point, parameters=point.parameters[owners], starts=beginning, free=())
-    return Pieces(part, own, tuple(f for f in point.free if f.log < 0), np.maximum(size, 1e-12))
+    return Pieces(replace(part, burn_in=0.0), own, tuple(f for f in point.free if f.log < 0), np.maximum(size, 1e-12))
 
 
 def _states(problem: Problem, point: Point, log: int, begins: np.ndarray) -> list[Array]:
@@ -192,7 +172,7 @@ def agreed(pieces: Pieces) -> Agreement:
     observed = _state_of(pieces.point)
     held = 1.0 / np.tile(pieces.size.ravel(), (problem.logs, 1)) ** 2
     error = errors(problem, [point])[0]
-    damping, deviations = 1e-3, np.full(len(pieces.free), np.inf)
+    damping = 1e-3
     for _ in range(ITERATIONS):
         scale = 1.0 / np.maximum(np.sqrt(np.mean(error**2, axis=0)), 1e-300)
         cost = lambda error, point: (  # noqa: E731
@@ -206,7 +186,6 @@ def agreed(pieces: Pieces) -> Agreement:
         count = len(pieces.free)
         gradient[:, count:] += held * (_state_of(point) - observed)
         prior = certainty * (point.vector - centre)
-        deviations = _deviations(gram, gradient, certainty, held)
         trials = []
         for factor in FACTORS:
             own, states = _step(gram, gradient, certainty, prior, held, damping * factor)
@@ -227,6 +206,7 @@ def agreed(pieces: Pieces) -> Agreement:
         if costs[best] > before * (1.0 - ENOUGH):
             break
     squares = np.maximum(np.mean(error**2, axis=0), 1e-300)
+    deviations = _deviations(gram, gradient, certainty, held)
     told = dict(zip((f.name for f in pieces.free), deviations.tolist(), strict=True))
     return Agreement(point.values, told, float(np.sum(np.log(squares))))
 

@@ -22,8 +22,6 @@ KERNEL = build(EFFECTS)
 NAMED = {effect.name: effect for effect in EFFECTS}
 DT, STEP = 1e-3, 1e-5
 INERTIA, VISCOUS, BACK_EMF, WINDING, FRICTION = 0.02, 0.15, 0.15, 0.006, 0.2
-
-
 FRICTIONAL = {"coulomb_friction": {"torque": FRICTION}}
 SPRUNG = {"joint_flexibility": {"inertia_ratio": 0.5, "frequency": 6.0, "damping_ratio": 0.05}}
 

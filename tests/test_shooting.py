@@ -8,7 +8,7 @@ from diagnosis.estimation import Point, errors
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import Problem
-from diagnosis.shooting import Pieces, agreed, best_of, cut, shot
+from diagnosis.shooting import Pieces, _step, agreed, best_of, cut, shot
 
 TRUE = {f"backlash.{name}@0": value for name, value in PLAY["backlash"].items()}
 
@@ -55,6 +55,25 @@ def test_pieces_lead_from_far_away_to_the_play(problem: Problem, nominal: Point)
         deviation = agreement.deviations[name]
         assert 0.0 < deviation < 0.1 * value
         assert abs(agreement.values[name] - value) < 4.0 * deviation + 0.01 * value
+
+
+def test_states_are_eliminated_as_if_all_were_solved_for_at_once() -> None:
+    rng = np.random.default_rng(0)
+    pieces, count, size, damping = 3, 2, 4, 0.1
+    slopes, errs = rng.standard_normal((pieces, count + size, 30)), rng.standard_normal((pieces, 30))
+    certainty, prior, held = rng.random(count), rng.standard_normal(count), rng.random((pieces, size))
+    gram, gradient = slopes @ slopes.transpose(0, 2, 1), np.einsum("kpt,kt->kp", slopes, errs)
+    every = np.zeros((count + pieces * size, pieces * 30))
+    for k in range(pieces):
+        rows, columns = count + k * size, 30 * k
+        every[:count, columns : columns + 30], every[rows : rows + size, columns : columns + 30] = np.split(
+            slopes[k], [count]
+        )
+    matrix = every @ every.T + np.diag([*certainty, *held.ravel()])
+    matrix[np.diag_indices_from(matrix)] *= 1.0 + damping
+    solved = -np.linalg.solve(matrix, every @ errs.ravel() + np.concatenate([prior, np.zeros(pieces * size)]))
+    own, states = _step(gram, gradient, certainty, prior, held, damping)
+    np.testing.assert_allclose(np.concatenate([own, states.ravel()]), solved, rtol=1e-9)
 
 
 @pytest.mark.slow

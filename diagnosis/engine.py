@@ -637,7 +637,7 @@ class Search:
         unless given.
         """
         most = self.taken + REFINED if most is None else most
-        cheap: list[Way] = [self.with_second, self.with_nothing, self.with_plainer]
+        cheap: list[Way] = [self.with_second, self.in_other_terms, self.with_nothing, self.with_plainer]
         dear: list[Way] = [partial(self.with_another_law, any_law=any_law) for any_law in (False, True)]
         for way in cheap + dear:
             for item in path.accepted:
@@ -694,6 +694,26 @@ class Search:
         if longer is None or self.cost(longer) >= self.cost(path):
             return None
         return replace(longer, left=remainders(problem, longer.base))
+
+    def in_other_terms(self, path: Path, item: Accepted) -> Path | None:
+        """The path with a general form of another law of the same signal in the place of one; None if that does no
+        better.
+
+        The textbook's forms of both have competed, of which the other law's may have come closer to what is neither.
+        """
+        if not item.effect.neutral:
+            return None
+        problem, others = self.problem, tuple(other for other in path.accepted if other is not item)
+        self.tell(f"another law in the place of {item.label}")
+        options = in_other_terms(problem, path.base, replace(item, rivals=()), self.effects, self.settings).rivals
+        excluded = {place for other in others for place in stood_for(other)}
+        options = tuple(scored for scored in options if (scored.name, item.joint) not in excluded)
+        if not options:
+            return None
+        smaller = without(problem, path.base, item)
+        explained = self.nominal.criterion - smaller.criterion
+        best = choose(problem, smaller, list(options), self.settings, explained, others)
+        return None if best is None else self.instead(path, others, smaller, best, self.settings.threshold)
 
     def with_second(self, path: Path, item: Accepted) -> Path | None:
         """The path with what came second in the place of what was taken then, as it was fitted then but beside all the
@@ -823,13 +843,14 @@ class Search:
         begun beside all but a spring, which may stand for it, beside the friction of the path alone, since friction
         holds an arm in its play, which drifts without, and by itself.
         """
-        asks = self.incomplete(path) or is_foreseen(self.problem, path.base, SPRUNG if has_spring(path) else FORESEEN)
+        times = SPRUNG if path.excess > 0.0 or has_spring(path) else FORESEEN
+        asks = self.incomplete(path) or is_foreseen(self.problem, path.base, times)
         if has_play(path) or not asks or self.is_over:
             return path
         self.tell("a play, begun from everywhere")
         best, rubbing = path, tuple(item for item in path.accepted if acts_on_either_side(item.effect))
         rigid = tuple(item for item in path.accepted if not item.effect.parts_the_arm)
-        for kept in dict.fromkeys((rigid, rubbing, ()) if has_spring(path) else (rubbing, ())):
+        for kept in dict.fromkeys((rigid, rubbing, ())):
             if best is not path and not self.incomplete(best):
                 break
             begun = self.reduced(path, kept) if kept else self.start

@@ -35,6 +35,8 @@ FIXED = 1e-4
 """Standard deviation, as a share of its scale, of a parameter that is held."""
 SAMPLES = 500.0
 """Scale of an event's instant: its derivative is taken over half a sample."""
+PHASE = 50.0
+"""Scale of a wave's rate, as the phase [rad] that it changes at most: its derivative is taken over a thousandth."""
 CYCLES = 40_000
 """Most cycles per revolution (or per metre) that are scanned."""
 PULSE = (0.004, 1.0)
@@ -146,6 +148,8 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
         size = size if size > 0 else 1e-3
         if effect.scan == "event" and parameter.name == "time":
             size = SAMPLES * problem.sample_time
+        if effect.scan in ("time", "position") and i not in effect.amplitudes:
+            size = min(size, PHASE / _reach(problem, effect, j))
         for log in hypothesis.logs_of(i, problem.logs):
             name = f"{effect.name}.{parameter.name}@{j}" + (f"#{log}" if log >= 0 else "")
             kind = "log" if log >= 0 else "joint"
@@ -156,6 +160,13 @@ def extend(problem: Problem, point: Point, hypothesis: Hypothesis, values: Array
         begin = float(parameters[0, j, NOMINAL.index(VISCOUS)])
         free.append(free_damping(j, size, begin))
     return replace(point, parameters=parameters, switches=switches, free=tuple(free))
+
+
+def _reach(problem: Problem, effect: Effect, joint: int) -> float:
+    """How far a wave's phase moves at most in a log, over its rate: what the rate is multiplied by."""
+    if effect.scan == "time":
+        return 2.0 * np.pi * problem.longest
+    return max(float(np.max(np.abs(problem.reading[:, joint]))), 1e-12)
 
 
 def resists(effect: Effect) -> bool:

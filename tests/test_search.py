@@ -574,12 +574,18 @@ def test_where_a_spring_was_found_a_play_is_sought_sooner(monkeypatch: pytest.Mo
     begun: list[Fitted] = []
     monkeypatch.setattr("diagnosis.engine.plays", lambda problem, base, *given: begun.append(base) or [])
     monkeypatch.setattr(Search, "incomplete", lambda self, path: False)
-    for name, times in (("quadratic_drag", 0), ("joint_flexibility", 1)):
+    for name, excess, is_begun in (
+        ("quadratic_drag", 0.0, False),
+        ("joint_flexibility", 0.0, True),
+        ("quadratic_drag", 200.0, True),  # a little that inexact laws may leave: a play beside a disturbance left 256
+    ):
         first = next(iter(NAMED[name].starts(sizes_of(problem, nominal)[0])))
         item = accepted(problem, nominal, name, list(first))
         base = replace(item.scored.fitted, error=item.scored.fitted.error + slow)
-        search.with_play(Path(base, (item,), frozenset({(name, 0)}), (nominal,)))
-        assert len(begun) == times
+        left = Remainder((), 10.0 + 4.0 * np.sqrt(20.0) + excess, 10, 0.0, 0.0, 0.0)
+        begun.clear()
+        search.with_play(Path(base, (item,), frozenset({(name, 0)}), (nominal,), (left,)))
+        assert bool(begun) == is_begun
 
 
 def test_a_general_form_that_promises_little_of_what_is_left_is_no_repair(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -952,6 +958,22 @@ def test_what_was_taken_first_goes_where_those_after_it_do_as_well_alone() -> No
     assert {item.label for item in other.accepted} == {"input_delay", "cable_spring"}
     assert other.base.point.value("input_delay.delay@0") == pytest.approx(0.02, rel=0.01)
     assert search.exchanged(other) is other
+
+
+def test_a_general_form_of_another_law_takes_the_place_of_one_that_came_closer_at_first() -> None:
+    """A corner that is neither law's textbook form: the torque constant's knee described it only about."""
+    clipped = {"gradual_voltage_saturation": {"voltage": 1.0, "sharpness": 8.0}}
+    log = record(clipped, nominal={"inertia": 0.07, "viscous": 0.7}, input="torque")
+    problem = stack(KERNEL, [log], (1,))
+    nominal = fit_nominal(problem, (JointStructure(input="torque", electrical=False),))
+    few = [effect for effect in EFFECTS if effect.label in ("voltage_saturation", "torque_constant_saturation")]
+    search = Search(problem, (JointStructure(),), few, Settings(), nominal, lambda text: None)
+    knee = accepted(problem, nominal, "torque_constant_saturation_knee", [1.0, 0.5, 2.5])
+    path = Path(knee.scored.fitted, (knee,), frozenset({(knee.name, 0)}), (nominal,))
+    other = search.exchanged(path)
+    assert [item.name for item in other.accepted] == ["gradual_voltage_saturation"]
+    assert other.base.point.value("gradual_voltage_saturation.voltage@0") == pytest.approx(1.0, rel=0.01)
+    assert search.in_other_terms(other, other.accepted[0]) is None
 
 
 def test_a_late_command_takes_the_place_of_a_spring_that_hardly_bends() -> None:
@@ -1350,12 +1372,29 @@ def test_of_plays_that_all_stay_behind_the_base_the_closest_are_fitted_in_the_en
     assert fitted.criterion < base.criterion + 0.1 * abs(base.criterion)
 
 
+@pytest.mark.parametrize(
+    ("name", "values"), [("periodic_disturbance", [0.1, 0.05, 21.0]), ("cogging_torque", [0.02, 0.01, 400.0])]
+)
+def test_the_derivative_by_a_rate_is_taken_over_a_small_phase(name: str, values: list[float]) -> None:
+    """A thousandth of 21 Hz is a whole cycle in 48 s, over which a wave is no line: duration and torque of a collision
+    beside such a disturbance were 18 % and 3 % off."""
+    log = record({name: dict(zip((p.name for p in NAMED[name].parameters), values, strict=True))})
+    long = replace(log, time=10.0 * log.time)
+    problem = stack(KERNEL, [long if name == "periodic_disturbance" else log], (1,))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    point = extend(problem, nominal.point, Hypothesis(NAMED[name], 0), np.array([values]))
+    rate = next(i for i, f in enumerate(point.free) if f.column == problem.kernel.offsets[name] + 2)
+    error = errors(problem, [point])[0]
+    coarse, fine = (sensitivities(problem, point, error, step)[rate] for step in (1e-3, 1e-6))
+    assert np.max(np.abs(coarse - fine)) < 0.05 * np.max(np.abs(fine))
+
+
 def test_beside_a_wave_of_many_periods_a_hypothesis_is_begun_again_by_its_innovations() -> None:
     """The errors as they are hide how long the wave is, and a fit to them loses it."""
     decay = np.exp(-DT / 0.02)
     slow = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], np.random.default_rng(0).standard_normal(5000))
     wave = {"cogging_torque": {"sine": 0.02, "cosine": 0.0, "cycles_per_rev": 400.0}}
-    problem = problem_of(wave | {"friction_asymmetry": {"torque": 0.1, "viscous": -0.3}}, 0.02 * slow)
+    problem = problem_of(wave | {"friction_asymmetry": {"torque": 0.1, "viscous": -0.3}}, 0.1 * slow)
     nominal = fit_nominal(problem, (JointStructure(),))
     base = accepted(problem, nominal, "cogging_torque", [0.02, 0.0, 400.0]).scored.fitted
     hypothesis, values = Hypothesis(NAMED["friction_asymmetry"], 0), np.array([[0.05, -0.2]])
@@ -1363,7 +1402,7 @@ def test_beside_a_wave_of_many_periods_a_hypothesis_is_begun_again_by_its_innova
     cycles = lambda fitted: fitted.point.value("cogging_torque.cycles_per_rev@0")  # noqa: E731
     assert abs(cycles(lost) - 400.0) > 1.0
     found = begun_again(problem, base, Start(hypothesis, values, 0.0)).fitted
-    assert cycles(found) == pytest.approx(400.0, abs=0.1)
+    assert cycles(found) == pytest.approx(400.0, abs=0.3)
     assert found.criterion < lost.criterion - 100.0
 
 

@@ -318,7 +318,8 @@ def windings_settled(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def damping_settled(problem: Problem, fitted: Fitted) -> Fitted:
-    """The fit with mechanical damping and back-EMF as two parameters, where this makes the logs far likelier.
+    """The fit with mechanical damping and back-EMF as two parameters, where this makes the logs far likelier, or likelier
+    at all beside a spring or a play: what the logs leave open then is in the deviations of all others.
 
     A winding's lag holds up the back-EMF only. Beside inertia and damping alone either can stand in for the other. The
     links of an arm, whose pose changes the inertia, tell them apart, and so does what hangs on a spring or a play, of
@@ -330,12 +331,13 @@ def damping_settled(problem: Problem, fitted: Fitted) -> Fitted:
         back_emf, winding = known.get(f"back_emf@{j}"), known.get(f"electrical_time_constant@{j}")
         begin = float(fitted.point.parameters[0, j, column])
         present = [e for e, on in zip(problem.kernel.effects, fitted.point.switches[j], strict=True) if on]
-        is_told = problem.divides_damping or any(e.parts_the_arm for e in present) or bool(begin == 0.0 and present)
+        is_parted = any(e.parts_the_arm for e in present)
+        is_told = problem.divides_damping or is_parted or bool(begin == 0.0 and present)
         if f"viscous@{j}" in known or back_emf is None or winding is None or not is_told:
             continue
         point = replace(fitted.point, free=(*fitted.point.free, free_damping(j, back_emf.scale, begin)))
         other = fit(problem, point, rounds=2, iterations=12)
-        if other.criterion < fitted.criterion - TOLD:
+        if other.criterion < fitted.criterion - (0.0 if is_parted else TOLD):
             fitted = other
     return fitted
 

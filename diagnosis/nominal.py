@@ -318,8 +318,8 @@ def windings_settled(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def damping_settled(problem: Problem, fitted: Fitted) -> Fitted:
-    """The fit with mechanical damping and back-EMF as two parameters, where this makes the logs far likelier, or likelier
-    at all beside a spring or a play: what the logs leave open then is in the deviations of all others.
+    """The fit with mechanical damping and back-EMF as two parameters, where this makes the logs far likelier, or
+    likelier at all beside a spring or a play: what the logs leave open then is in the deviations of all others.
 
     A winding's lag holds up the back-EMF only. Beside inertia and damping alone either can stand in for the other. The
     links of an arm, whose pose changes the inertia, tell them apart, and so does what hangs on a spring or a play, of

@@ -126,7 +126,7 @@ LANE_ROWS = (
         "FIXED",
         "WEIGHT",
     ),
-    *("MEAN", "RISE", "U", "SUM", "R", "LEVEL"),
+    *("MEAN", "RISE", "U", "SUM", "R", "LEVEL", "TORQUE"),
     *("SPAN", "LEFT", "BEGIN", "AHEAD", "T", "STEP", "SIGN", "FREE", "DRY", "STOPPED", "TOTAL", "REVERSED"),
     *("COMMAND", "READING", "BESIDE", "ADDED", "COUPLING", "RATIO", "SHARED", "TURN"),
     *("FIRST_INERTIA", "CROSS", "SECOND_INERTIA", "COUPLED", "HUNG_SINE", "HUNG_COSINE"),
@@ -396,10 +396,10 @@ def _source(kernel: Kernel) -> str:
     lines = {
         "command": "S[given + l] = {f}(S[given + l], now, S[Q_ + l], S[DQ_ + l], S[current + l], {p})",
         "gain": "S[SUM_ + l] *= {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {p})",
-        "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
+        "torque": "S[SUM_ + l] += {f}(S[T_ + l], S[QS_ + l] + S[BESIDE_ + l], S[DQS_ + l], S[TORQUE_ + l], {x}, {p})",
         "arm": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[DQS_ + l], S[WS_ + l], {x}, {p})",
-        "drag": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[PACE_ + l], S[WS_ + l], {x}, {p})",
-        "friction": "S[LEVEL_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[PACE_ + l], S[WS_ + l], {p})",
+        "drag": "S[SUM_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[PACE_ + l], S[TORQUE_ + l], {x}, {p})",
+        "friction": "S[LEVEL_ + l] += {f}(S[T_ + l], S[PLACE_ + l], S[PACE_ + l], S[TORQUE_ + l], {p})",
     }
     call = {
         "command": "u = {f}(u, t, q, dq, w, p[{o}:{e}])",
@@ -785,13 +785,14 @@ def _chain(t, q, dq, w, heat, viscous, arm, u, x, p, on, has, load, own):
     w, change, heating, r = _motor(q, dq, w, heat, u, p, on)
     if has[1]:
         r *= _gain(t, q, dq, w, p, on)
+    given = r
     r -= viscous * dq + arm + load
     if has[2]:
-        r -= _torque(t, q, dq, w, x, p, on)
+        r -= _torque(t, q, dq, given, x, p, on)
     if has[4]:
-        r -= own * _drag(t, q, dq, w, x, p, on)
+        r -= own * _drag(t, q, dq, given, x, p, on)
     r = _yielded(r, dq, p[INERTIA], own, p, on)
-    level = own * _friction(t, q, dq, w, p, on) if has[3] else 0.0
+    level = own * _friction(t, q, dq, given, p, on) if has[3] else 0.0
     if CARRY >= 0 and on[CARRY]:
         level += _carried(r, dq, arm, level, p)
     return w, change, heating, r, level
@@ -1235,9 +1236,12 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
         arm = _on_arm(t, S[j, QL] if split else q, dq, w, x[j], p, on[j], has[j, 2], pair and j < 2)
         arm += known[j]
         if behind > 0.0:
+            given = _motor(q + beside[j], dq, S[j, W], S[j, HEAT], u[j], p, on[j])[3]
+            if has[j, 1]:
+                given *= _gain(t, q + beside[j], dq, w, p, on[j])
             if has[j, 4]:
-                arm += behind * _drag(t, S[j, QL], S[j, DQL], w, x[j], p, on[j])
-            held = behind * _friction(t, S[j, QL], S[j, DQL], w, p, on[j]) if has[j, 3] else 0.0
+                arm += behind * _drag(t, S[j, QL], S[j, DQL], given, x[j], p, on[j])
+            held = behind * _friction(t, S[j, QL], S[j, DQL], given, p, on[j]) if has[j, 3] else 0.0
             if span > 0.0:
                 grip[j, 0] = grip[j, 1] = 0.0
                 if held > 0.0:
@@ -1880,6 +1884,9 @@ def _rates_lanes(S, p, on, any_on, all_on, whole, since, to, has, parted, xs, n,
         #gain_lanes#
         for l in range(LANES):
             S[R_ + l] *= S[SUM_ + l]
+    if has[2] or has[3] or has[4]:
+        for l in range(LANES):
+            S[TORQUE_ + l] = S[R_ + l]
     if weighs:
         for l in range(LANES):
             S[PLACE_ + l], S[SUM_ + l] = S[QS_ + l], 0.0

@@ -11,8 +11,10 @@ from diagnosis.engine import find
 from diagnosis.nominal import JointStructure
 from diagnosis.problem import stack
 from envs.log import JointFacts, Log
+from methods.base import State
 from methods.effects import built_in
 from methods.kernel import build
+from methods.structured import StructuredJoint, StructuredModel
 
 DT, STEPS = 2e-3, 20
 MOTOR, LINK, VISCOUS, WEIGHT = 0.02, 0.05, 0.3, 1.1
@@ -69,3 +71,20 @@ def test_friction_by_the_link_and_a_spring_or_a_play_exclude_each_other() -> Non
         if effect.parts_the_arm:
             assert effect.name in link.excludes
             assert link.name in effect.excludes
+
+
+@pytest.mark.parametrize("arm_friction_share", [0.0, 1.0])
+@pytest.mark.parametrize("command", [0.5, -2.0])
+def test_friction_follows_the_torque_that_a_saturated_motor_gives(command: float, arm_friction_share: float) -> None:
+    """At a steady speed ``u / (1 + c u^2) (1 - mu)`` is left for the damping, on either side of a spring."""
+    friction, saturation = 0.12, 0.3
+    effects = {LAW: {"coefficient": friction}, "torque_constant_saturation": {"coefficient": saturation}}
+    nominal = {"inertia": MOTOR + LINK, "viscous": VISCOUS}
+    if arm_friction_share:
+        effects["joint_flexibility"] = {"inertia_ratio": 0.5, "frequency": 8.0, "damping_ratio": 0.3}
+        nominal["arm_friction"] = arm_friction_share
+    model = StructuredModel((StructuredJoint(1, "torque", nominal, effects),), DT, None, built_in())
+    time = DT * np.arange(2000)
+    moved = model.simulate(time, np.full((2000, 1), command), State.at_rest(0.0)).position[:, 0]
+    given = command / (1.0 + saturation * command**2)
+    assert np.diff(moved)[-1] / DT == pytest.approx(given * (1.0 - friction) / VISCOUS, rel=1e-6)

@@ -16,9 +16,10 @@ sensor     f(q, p)                                              reading minus an
 structure  (none)                                               built into the kernel: extra states, time shifts
 ========== ==================================================== =======================================
 
-``t`` [s], ``q`` [rad or m], ``dq`` [rad/s or m/s], ``w`` motor torque [command unit], ``p`` the parameters of the
-effect in the order of the declaration, ``x`` = (acceleration, velocity, command) of the neighbouring joint as measured;
-of a planar pair, whose joints are simulated together, (0, velocity, motor torque) of the other one.
+``t`` [s], ``q`` [rad or m], ``dq`` [rad/s or m/s], ``w`` motor torque [command unit], for torques and friction that
+after the effects on its gain, ``p`` the parameters of the effect in the order of the declaration, ``x`` =
+(acceleration, velocity, command) of the neighbouring joint as measured; of a planar pair, whose joints are simulated
+together, (0, velocity, motor torque) of the other one.
 """
 
 from __future__ import annotations

@@ -491,7 +491,12 @@ def test_a_rival_that_only_stopped_short_of_the_same_is_none() -> None:
 
 @pytest.mark.parametrize(
     ("voltage", "sharpness", "forms"),
-    [(1.0, 2.0, ["power", "knee"]), (3.0, 2.0, ["power", "knee"]), (1.0, 3.5, ["knee"]), (1.0, 8.0, [])],
+    [
+        (1.0, 2.0, ["power", "knee"]),
+        pytest.param(3.0, 2.0, ["power", "knee"], marks=pytest.mark.slow),
+        pytest.param(1.0, 3.5, ["knee"], marks=pytest.mark.slow),
+        (1.0, 8.0, []),
+    ],
 )
 def test_general_forms_of_other_laws_are_rivals_of_a_general_form(
     voltage: float, sharpness: float, forms: list[str]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,7 +32,9 @@ INSTANTS = ("time", "phase")
 STEADY = "thermal_drift_steady"
 """The form of a thermal drift that no current drives."""
 Values = Mapping[str, float]
-REFERENCE = NOMINAL.index("torque_square_mean")
+REFERENCE, LAG = NOMINAL.index("torque_square_mean"), NOMINAL.index("electrical_time_constant")
+ENDS = slice(None, -1), slice(1, None)
+"""The samples that an interval begins and ends at."""
 INERTIA, HEAT = "joint inertia", "mean square motor torque"
 """Names under which a change of variables finds, besides the effect's parameters, the joint's own inertia and the mean
 square of its motor torque in the final model, over the one that the effect's parameters refer to."""
@@ -283,8 +286,21 @@ def effect_parameters(
 
 
 def heat(problem: Problem, point: Point, j: int) -> float:
-    """Mean square motor torque of joint index j in a model, over the one that its thermal parameters refer to."""
-    return float(np.mean(predicted_motion(problem, point)[:, j, 2] ** 2)) / point.parameters[0, j, REFERENCE]
+    """Mean square motor torque of joint index j in a model, over the one that its thermal parameters refer to.
+
+    Between samples the torque behind a winding of time constant T goes on as ``a + (w0 - a) e^(-t/T)``, whose square is
+    averaged over the interval: at the samples alone a switching command has just settled.
+    """
+    row, torque = point.parameters[0, j], predicted_motion(problem, point)[:, j, 2]
+    before, after = (np.concatenate([torque[a:b][k] for a, b in pairwise(problem.bounds)]) for k in ENDS)
+    square = float(np.mean(before**2))
+    if row[LAG] > 0.0:
+        intervals = problem.sample_time / row[LAG]
+        left = math.exp(-intervals)
+        towards = (after - left * before) / (1.0 - left)
+        away, share = before - towards, (1.0 - left) / intervals
+        square = float(np.mean(towards**2 + 2.0 * towards * away * share + away**2 * share * 0.5 * (1.0 + left)))
+    return square / float(row[REFERENCE])
 
 
 def _on_the_logs_clock(effect: Effect, name: str, value: float, begin: float, others: Values) -> float:

@@ -21,7 +21,7 @@ from scipy.signal import lfilter
 import adeptone
 from diagnosis import ledger
 from diagnosis.beginning import started, with_phases
-from diagnosis.estimation import Point, covariance, errors, fit
+from diagnosis.estimation import Point, covariance, errors, fit, predicted_motion
 from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.ledger import closed, failures, floor_of, grown
@@ -530,6 +530,26 @@ def test_heat_is_the_mean_square_of_the_final_motor_torque() -> None:
     assert cold == pytest.approx(np.mean(torque**2) / 2.0, rel=0.3)
     hot = extend(problem, point, Hypothesis(effects_of("thermal_drift")[0], 0), np.array([[0.5, 1.0]]))
     assert heat(problem, hot, 0) < 0.9 * cold
+
+
+def test_heat_is_that_between_the_samples_as_well() -> None:
+    """At the samples alone the torque of a switching command has just settled."""
+    held = 20
+    switching = np.random.default_rng(0).choice([-1.0, 1.0], 1000)
+    part = StructuredJoint(1, "voltage", NOMINAL | {"electrical_time_constant": 2.0 * DT}, {})
+    found = []
+    for step, command in ((DT, switching), (DT / held, np.repeat(switching, held))):
+        instants = step * np.arange(len(command))
+        position = StructuredModel((part,), step).simulate(instants, command[:, None], State.at_rest(0.0)).position
+        facts = JointFacts(input="voltage", position_unit="rad")
+        problem = stack(build(built_in()), [Log(instants, command[:, None], position, (1,), facts=(facts,))], (1,))
+        point = fit_nominal(problem, (JointStructure(),)).point
+        parameters = point.parameters.copy()
+        parameters[:, 0, [COLUMN[name] for name in part.nominal]] = list(part.nominal.values())
+        found.append(heat(problem, replace(point, parameters=parameters), 0))
+    sampled = np.mean(predicted_motion(problem, replace(point, parameters=parameters))[::held, 0, 2] ** 2)
+    assert found[0] == pytest.approx(found[1], rel=4e-3)
+    assert sampled > 1.02 * found[1]
 
 
 def test_standard_deviations_hold() -> None:

@@ -57,6 +57,7 @@ def fitted(problem: Problem, start: tuple[float, float, float]) -> tuple[Scored,
     return scored, choose(problem, base, [scored], Settings(material=0.0, faint=0.0), 0.0) is not None
 
 
+@pytest.mark.slow
 def test_a_spring_that_only_the_noise_asks_for_is_none() -> None:
     assert not fitted(arm({}, 0.03, 2), (0.3, 60.0, 0.02))[1]
 

@@ -65,6 +65,7 @@ def test_it_is_found_with_its_rest_and_named_alone() -> None:
     assert values["stiffening@0"] == pytest.approx(STIFFENING, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_what_has_no_stiffness_at_rest_is_no_cable() -> None:
     finding = found(0.0, 20.0)
     assert finding.verdict == "unknown"

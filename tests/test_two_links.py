@@ -78,7 +78,9 @@ def moved(
             0.0,
             {("gravity_tilt", 0): (-0.7, 0.42), ("gravity_tilt", 1): (-0.15, 0.09)},
         ),
-        ((0.0, 0.0), LOAD, {("payload_change_carried", 1): (0.072, PICKED_UP, 4 / 3)}),
+        pytest.param(
+            (0.0, 0.0), LOAD, {("payload_change_carried", 1): (0.072, PICKED_UP, 4 / 3)}, marks=pytest.mark.slow
+        ),
         ((0.0, GRAVITY), LOAD, {("payload_change_hung", 1): (0.072, PICKED_UP, 4 / 3, 0.0, LOAD * GRAVITY * 0.3)}),
     ],
     ids=["tilted", "loaded", "loaded where gravity pulls"],

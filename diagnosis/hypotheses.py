@@ -166,7 +166,7 @@ def _reach(problem: Problem, effect: Effect, joint: int) -> float:
     """How far a wave's phase moves at most in a log, over its rate: what the rate is multiplied by."""
     if effect.scan == "time":
         return 2.0 * np.pi * problem.longest
-    return max(float(np.max(np.abs(problem.reading[:, joint]))), 1e-12)
+    return max(float(problem.farthest[joint]), 1e-12)
 
 
 def resists(effect: Effect) -> bool:

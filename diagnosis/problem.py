@@ -222,6 +222,11 @@ class Problem:
         return bool(max(error.max(), -error.min()) < min(DIVERGED, 20.0 * self.extent))
 
     @cached_property
+    def farthest(self) -> Array:
+        """Largest magnitude of each joint's readings (n,)."""
+        return np.max(np.abs(self.reading), axis=0)
+
+    @cached_property
     def extent(self) -> float:
         """How far the readings reach, of the joint that moves farthest."""
         return float(np.max(np.ptp(self.reading, axis=0)))

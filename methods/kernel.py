@@ -1230,13 +1230,12 @@ def _rates(t, S, D, beside, u, x, sign, stuck, n, P, on, has, pair, rigid, brist
         q, dq = S[j, Q], S[j, DQ]
         split = _flexible(on[j]) or _playing(on[j])
         behind = p[ARM_FRICTION] if split else 0.0
-        w = S[j, W]
-        if p[ELECTRICAL] <= 0.0 and (has[j, 2] or behind > 0.0):
-            w = _motor(q + beside[j], dq, w, S[j, HEAT], u[j], p, on[j])[0]
+        w = given = S[j, W]
+        if behind > 0.0 or (p[ELECTRICAL] <= 0.0 and has[j, 2]):
+            w, _, _, given = _motor(q + beside[j], dq, w, S[j, HEAT], u[j], p, on[j])
         arm = _on_arm(t, S[j, QL] if split else q, dq, w, x[j], p, on[j], has[j, 2], pair and j < 2)
         arm += known[j]
         if behind > 0.0:
-            given = _motor(q + beside[j], dq, S[j, W], S[j, HEAT], u[j], p, on[j])[3]
             if has[j, 1]:
                 given *= _gain(t, q + beside[j], dq, w, p, on[j])
             if has[j, 4]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.signal import lfilter
 
 from diagnosis.estimation import Fitted, Point, predicted_motion
 from diagnosis.finding import Accepted
@@ -33,8 +34,8 @@ STEADY = "thermal_drift_steady"
 """The form of a thermal drift that no current drives."""
 Values = Mapping[str, float]
 REFERENCE, LAG = NOMINAL.index("torque_square_mean"), NOMINAL.index("electrical_time_constant")
-ENDS = slice(None, -1), slice(1, None)
-"""The samples that an interval begins and ends at."""
+LONGEST = 2.0
+"""Steps over a winding's time constant beyond which the simulation takes the winding for a delay."""
 INERTIA, HEAT = "joint inertia", "mean square motor torque"
 """Names under which a change of variables finds, besides the effect's parameters, the joint's own inertia and the mean
 square of its motor torque in the final model, over the one that the effect's parameters refer to."""
@@ -289,18 +290,31 @@ def heat(problem: Problem, point: Point, j: int) -> float:
     """Mean square motor torque of joint index j in a model, over the one that its thermal parameters refer to.
 
     Between samples the torque behind a winding of time constant T goes on as ``a + (w0 - a) e^(-t/T)``, whose square is
-    averaged over the interval: at the samples alone a switching command has just settled.
+    averaged over the interval: at the samples alone a switching command has just settled. What it goes towards, a, is
+    told by the factor of the simulation's own Runge-Kutta steps, which is not quite that of the exponential.
     """
     row, torque = point.parameters[0, j], predicted_motion(problem, point)[:, j, 2]
-    before, after = (np.concatenate([torque[a:b][k] for a, b in pairwise(problem.bounds)]) for k in ENDS)
-    square = float(np.mean(before**2))
-    if row[LAG] > 0.0:
-        intervals = problem.sample_time / row[LAG]
-        left = math.exp(-intervals)
-        towards = (after - left * before) / (1.0 - left)
-        away, share = before - towards, (1.0 - left) / intervals
-        square = float(np.mean(towards**2 + 2.0 * towards * away * share + away**2 * share * 0.5 * (1.0 + left)))
-    return square / float(row[REFERENCE])
+    logs = [torque[a:b] for a, b in pairwise(problem.bounds)]
+    if row[LAG] <= 0.0:
+        return float(np.mean(np.concatenate([log[:-1] for log in logs]) ** 2) / row[REFERENCE])
+    intervals = problem.sample_time / row[LAG]
+    left, share = math.exp(-intervals), -math.expm1(-intervals) / intervals
+    total = 0.0
+    for a, log in zip(problem.bounds, logs, strict=False):
+        told = _simulated(problem, point, j, float(problem.time[a + 1] - problem.time[a]))
+        towards = (log[1:] - told * log[:-1]) / (1.0 - told)
+        ends, _ = lfilter([1.0 - left], [1.0, -left], towards, zi=[left * log[0]])
+        away = np.concatenate([log[:1], ends[:-1]]) - towards
+        total += np.sum(towards**2 + 2.0 * towards * away * share + away**2 * share * 0.5 * (1.0 + left))
+    return float(total / sum(len(log) - 1 for log in logs) / row[REFERENCE])
+
+
+def _simulated(problem: Problem, point: Point, j: int, interval: float) -> float:
+    """What the simulation leaves after an interval of what the torque behind a winding was away from where it goes."""
+    row = point.parameters[0, j]
+    steps = problem.kernel.module._steps(row[None], point.switches[None, j], interval, problem.substeps)
+    x = interval / steps / row[LAG]
+    return math.exp(-interval / row[LAG]) if x > LONGEST else (1 - x + x**2 / 2 - x**3 / 6 + x**4 / 24) ** steps
 
 
 def _on_the_logs_clock(effect: Effect, name: str, value: float, begin: float, others: Values) -> float:

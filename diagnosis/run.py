@@ -564,7 +564,7 @@ def solve(
     name = f"joint {', '.join(map(str, group))}"
     kernel, effects = build(compiled_with(effects)), applying(effects, structures)
     if kernel.is_new:
-        tell("compiling the simulator, once for these effects: about a minute")
+        tell("compiling the simulator, once for these effects: a minute or two")
     first = read.fitted[0]
     arm, rest = None, ""
     if read.robot is not None and len(group) == 1:

@@ -257,7 +257,7 @@ class Kernel:
 
     @property
     def is_new(self) -> bool:
-        """Whether it has never been used here: its first use compiles for about a minute."""
+        """Whether it has never been used here: its first use compiles for one or two minutes."""
         return not self.path.exists()
 
     @cached_property
@@ -1323,8 +1323,9 @@ def _resolved(P, h):
     The last ones are the reciprocals of winding lag and inertia, and the step.
     """
     Q = np.zeros((P.shape[0], STEP + 1))
-    Q[:, :ELECTRICAL_RATE] = P
     for j in range(Q.shape[0]):
+        for column in range(ELECTRICAL_RATE):  # an array's assignment would compile a message on shapes, too
+            Q[j, column] = P[j, column]
         Q[j, ELECTRICAL_RATE] = 1.0 / Q[j, ELECTRICAL] if Q[j, ELECTRICAL] > 0.0 else 0.0
         Q[j, MOBILITY] = 1.0 / Q[j, INERTIA]
         Q[j, STEP] = h
@@ -2275,20 +2276,21 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     _present(union, slots)
     has = (slots[0], slots[1], slots[2], slots[3], slots[4])
     split, warm = _flexible(any_on) or _playing(any_on), _warming(any_on)
-    shared = False
+    no = n < 0  # a flag that is false, not the type of what is always false: what takes it is compiled once
+    shared = no
     for l in range(n):
         shared = shared or (parted[l] and p[l, ARM_FRICTION] > 0.0)
     hanging = _any_of(HANGING, any_on)
     senses, sees = _sensing(any_on), _load_side(any_on)
     weighs = LIGHT if _weighing(any_on) or x.shape[1] > 3 or hanging else 0
     altered = has[0] or (LAG >= 0 and any_on[LAG])  # on its way through the amplifier, but for a delay
-    at_once = lags = draws = False
+    at_once = lags = draws = no
     for l in range(n):
         draws = draws or (S[DRAWN_ + l] > 0.0 and not euler)
         at_once = at_once or (_drawing(on[l]) and p[l, ELECTRICAL] <= 0.0 and not (LAG >= 0 and on[l, LAG]))
         lags = lags or S[LAGGED_ + l] > 0.0
     prompt = hold[0] == 0  # held until the next sample, and not late
-    lagging, limited = 0, False
+    lagging, limited = 0, no
     for l in range(n):
         if p[l, GRAVITY_SINE] != 0.0 or p[l, GRAVITY_COSINE] != 0.0:
             weighs, hanging = HEAVY, True

@@ -536,7 +536,7 @@ def test_heat_is_that_between_the_samples_as_well() -> None:
     """At the samples alone the torque of a switching command has just settled."""
     held = 20
     switching = np.random.default_rng(0).choice([-1.0, 1.0], 1000)
-    part = StructuredJoint(1, "voltage", NOMINAL | {"electrical_time_constant": 2.0 * DT}, {})
+    part = StructuredJoint(1, "voltage", NOMINAL | {"electrical_time_constant": DT}, {})
     found = []
     for step, command in ((DT, switching), (DT / held, np.repeat(switching, held))):
         instants = step * np.arange(len(command))

@@ -40,7 +40,7 @@ from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, st
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, hopped, with_laws
 from diagnosis.hypotheses import Hypothesis, Start, extend, sizes_of
-from diagnosis.imitation import alike, imitating, in_place
+from diagnosis.imitation import alike, imitating, in_place, together
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.lags import told_apart
 from diagnosis.nominal import JointStructure, damping_settled, fit_nominal, limits_settled, windings_settled
@@ -53,7 +53,7 @@ from diagnosis.other_bases import (
     on_either_joint,
     settled_anew,
 )
-from diagnosis.patchwork import patchwork
+from diagnosis.patchwork import Patchwork, of_position, patchwork
 from diagnosis.problem import Problem, Work, coarser, in_band
 from diagnosis.pruning import (
     deviance,
@@ -637,7 +637,7 @@ class Search:
         unless given.
         """
         most = self.taken + REFINED if most is None else most
-        cheap: list[Way] = [self.with_second, self.in_other_terms, self.with_nothing, self.with_plainer]
+        cheap: list[Way] = [self.with_second, self.in_other_terms, self.recast, self.with_nothing, self.with_plainer]
         dear: list[Way] = [partial(self.with_another_law, any_law=any_law) for any_law in (False, True)]
         for way in cheap + dear:
             for item in path.accepted:
@@ -713,6 +713,33 @@ class Search:
         smaller = without(problem, path.base, item)
         explained = self.nominal.criterion - smaller.criterion
         best = choose(problem, smaller, list(options), self.settings, explained, others)
+        return None if best is None else self.instead(path, others, smaller, best, self.settings.threshold)
+
+    def recast(self, path: Path, item: Accepted) -> Path | None:
+        """The path with another torque of the position in the place of one, where several only describe one smooth
+        torque; None if none does better.
+
+        Over a small angle gravity alone has taken in the most of a spring, which to first order then pulls the wrong
+        way, and a wave is left for the rest. So what is there moves along.
+        """
+        problem, joint = self.problem, item.joint
+        others = tuple(other for other in path.accepted if other is not item)
+        own = [other.effect for other in others if other.joint == joint and of_position(other.effect)]
+        rivals = [
+            effect
+            for effect, j in self.candidates(shortened(path, others, path.base), is_full=False)
+            if j == joint and of_position(effect) and effect.scan is None and effect.name == effect.label != item.label
+        ]
+        if not (own and rivals and of_position(item.effect)):
+            return None
+        if patchwork(problem, path.base, path.accepted, self.settings.rival).get(joint) is not Patchwork.POSITION:
+            return None
+        self.tell(f"another law in the place of {item.label}")
+        smaller = without(problem, path.base, item)
+        fits = each(lambda rival: together(problem, path.base, smaller, item.effect, rival, joint, own), rivals)
+        explained = self.nominal.criterion - smaller.criterion
+        options = [scored for scored in fits if scored is not None]
+        best = choose(problem, smaller, options, self.settings, explained, others) if options else None
         return None if best is None else self.instead(path, others, smaller, best, self.settings.threshold)
 
     def with_second(self, path: Path, item: Accepted) -> Path | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -124,6 +125,10 @@ def plain(problem: Problem, fitted: Fitted) -> Fitted:
     return replace(view, innovation=left / scale, jacobian=view.jacobian / scale * again, filtered=False)
 
 
+SINGULAR = 1e-14
+"""Share of the largest eigenvalue of the scaled information below which a direction is not determined at all."""
+FAR = 1e3
+"""Sizes of a parameter that one which is not determined, nor bounded, may be off."""
 LAGS = 60
 """Lags of the sandwich's kernel [samples]."""
 
@@ -380,7 +385,7 @@ def finish(
     gram = jacobian @ jacobian.T + np.diag([f.deviation**-2.0 for f in point.free])
     diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     if np.all(np.isfinite(gram)):
-        covariance = np.linalg.pinv(gram / np.outer(diagonal, diagonal), rcond=1e-14) / np.outer(diagonal, diagonal)
+        covariance = np.linalg.pinv(gram / np.outer(diagonal, diagonal), rcond=SINGULAR) / np.outer(diagonal, diagonal)
     else:  # a model that runs away determines nothing
         jacobian, covariance = np.zeros_like(jacobian), np.diag(np.full(len(gram), np.inf))
     return Fitted(
@@ -421,3 +426,21 @@ def covariance(fitted: Fitted, least: Mapping[str, float] = MappingProxyType({})
     known = np.array([least.get(f.name, 0.0) for f in fitted.point.free]) ** 2
     wider = np.sqrt(np.maximum(np.maximum(np.diag(sandwich), known) / np.maximum(plain, 1e-300), 1.0))
     return fitted.covariance * np.outer(wider, wider)
+
+
+def undetermined(fitted: Fitted) -> Array:
+    """Covariance (P, P) along those directions of the free parameters that the data do not determine at all.
+
+    Along each the parameters may be anywhere in their range, and where that is not bounded off by any number. The
+    inverse information, a pseudo-inverse, is silent about it.
+    """
+    gram = fitted.jacobian @ fitted.jacobian.T + np.diag([f.deviation**-2.0 for f in fitted.point.free])
+    size = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    values, axes = np.linalg.eigh(gram * np.outer(size, size))
+    most = np.array([min((f.upper - f.lower) / math.sqrt(12.0), FAR * f.scale) for f in fitted.point.free])
+    found = np.zeros_like(gram)
+    for axis in axes.T[values < SINGULAR * values[-1]]:
+        way = size * axis
+        way *= np.min(most / np.maximum(np.abs(way), 1e-300))
+        found += np.outer(way, way)
+    return found

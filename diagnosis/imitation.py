@@ -7,7 +7,7 @@ other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,8 @@ BACKWARDS = 20
 """Steps from a torque with an effect to the torque without."""
 ALIKE = 0.5
 """Rms of the difference of two laws, over that of the first, up to which the second is fitted in its place."""
+NEARLY = 0.1
+"""The same of sums of laws, over the scatter of the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,41 @@ def in_place(problem: Problem, base: Fitted, effect: Effect, start: Start) -> Po
     """The base with what another law starts from in the place of an effect."""
     hypothesis = start.hypothesis
     return extend(problem, withdraw(problem, base.point, effect.name, hypothesis.joint), hypothesis, start.values)
+
+
+def together(
+    problem: Problem, base: Fitted, smaller: Fitted, effect: Effect, other: Effect, joint: int, beside: Sequence[Effect]
+) -> Scored | None:
+    """Another law in the place of an effect of the base, those `beside` it moved so that all do together what they did;
+    None where one is no function of the signals, or they cannot do nearly that. smaller: as of `imitating`."""
+    signals, row = Signals.of(problem, base, joint), base.point.parameters[0, joint]
+    laws = [resistance(law, signals) for law in (effect, other, *beside)]
+    known = [law for law in laws if law is not None]
+    if len(known) < len(laws) or other.starts is None:
+        return None
+    first, theirs, *moved = known
+    values = [row[problem.kernel.own(law)] for law in beside]
+    wanted = first(row[problem.kernel.own(effect)]) + sum(law(x) for law, x in zip(moved, values, strict=True))
+    free = [parameter for law in (other, *beside) for parameter in law.parameters]
+    bounds = [parameter.lower for parameter in free], [parameter.upper for parameter in free]
+    ends = np.cumsum([other.size, *(law.size for law in beside)])[:-1]
+
+    def differ(x: Array) -> Array:
+        return sum(law(own) for law, own in zip((theirs, *moved), np.split(x, ends), strict=True)) - wanted
+
+    fits = []
+    for first_values in other.starts(sizes_of(problem, base)[joint]):
+        x = np.clip(np.concatenate([first_values, *values]), *bounds)
+        fits.append(least_squares(differ, x, bounds=bounds, x_scale=np.abs(x) + 1e-12, max_nfev=60))
+    if not fits or 2.0 * min(fitted.cost for fitted in fits) > NEARLY**2 * np.sum((wanted - np.mean(wanted)) ** 2):
+        return None
+    own, *rest = np.split(min(fits, key=lambda fitted: fitted.cost).x, ends)
+    start = Start(Hypothesis(other, joint), np.tile(own, (problem.logs, 1)), 0.0, len(fits))
+    point = in_place(problem, base, effect, start)
+    parameters = point.parameters.copy()
+    for law, x in zip(beside, rest, strict=True):
+        parameters[:, joint, problem.kernel.own(law)] = x
+    return score(problem, smaller, start, either_way(problem, replace(point, parameters=parameters)))
 
 
 def alike(problem: Problem, base: Fitted, effect: Effect, other: Effect, joint: int) -> Start | None:

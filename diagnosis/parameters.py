@@ -246,7 +246,8 @@ def effect_parameters(
     beside = {HEAT: heat(problem, fitted.point, j) if driven else 1.0}
 
     def values(x: Array) -> Array:
-        """Canonical values; of what is free in every log the rms of all, of instants and phases that of the first."""
+        """Canonical values; of what is free in every log the rms of all with the sign of their sum, of instants and
+        phases that of the first."""
         each = [
             own.change(
                 {**beside, INERTIA: float(x[inertia])}
@@ -257,7 +258,8 @@ def effect_parameters(
         first = np.array([each[0][name] for name in own.dimensions])
         for i, name in enumerate(own.dimensions):
             if len(each) > 1 and name not in INSTANTS:
-                first[i] = math.sqrt(sum(e[name] ** 2 for e in each) / len(each))
+                size = math.sqrt(sum(e[name] ** 2 for e in each) / len(each))
+                first[i] = math.copysign(size, sum(e[name] for e in each))
         return first
 
     centre = values(vector)

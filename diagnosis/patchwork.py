@@ -69,7 +69,7 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
     found: dict[int, Patchwork] = {}
     for j in range(problem.joints):
         own = [item.effect for item in accepted if item.joint == j]
-        places = [effect for effect in own if (effect.variable, effect.slot) == ("position", "torque")]
+        places = [effect for effect in own if of_position(effect)]
         dry = [effect for effect in own if effect.is_dry]
         if len(dry) > 1 or any(is_damping(problem, final, j, effect) for effect in dry):
             found[j] = Patchwork.FRICTION
@@ -90,6 +90,11 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
         elif any(is_slipping(problem, final, j, effect) for effect in own):
             found[j] = Patchwork.SLIP
     return found
+
+
+def of_position(effect: Effect) -> bool:
+    """Whether an effect is a torque that the position alone sets."""
+    return (effect.variable, effect.slot) == ("position", "torque")
 
 
 def is_damping(problem: Problem, final: Fitted, j: int, law: Effect) -> bool:

@@ -22,7 +22,7 @@ from diagnosis.arm_torques import arm_torques
 from diagnosis.choice import LAG
 from diagnosis.compensator import compensators, not_refused
 from diagnosis.engine import find
-from diagnosis.estimation import Fitted, Point, covariance
+from diagnosis.estimation import Fitted, Point, covariance, undetermined
 from diagnosis.extension import Extension, Twin, extended_model, mujoco_twin
 from diagnosis.finding import WORST, Accepted, Finding, Verdict
 from diagnosis.hopping import likely
@@ -631,7 +631,7 @@ def joint_result(
 ) -> tuple[JointResult, Gap, list[LedgerRow]]:
     """Everything about joint index j of a solved problem."""
     finding, joint, units = solved.finding, solved.joints[j], solved.units[j]
-    spread = finding.covariance
+    spread = finding.covariance + undetermined(finding.final)
     floor = floor_of(solved.problem, solved.held_out, finding, j)
     ledger = rows(solved.held_out, list(solved.ledger), j, solved.joints, floor, rng)
     own_gap = gap(solved.held_out, list(solved.ledger), j, joint, units.position, floor, on, rng)
@@ -653,7 +653,12 @@ def joint_result(
         verdict="unknown" if doubts(solved, j, named) else said,
         effects=named,
         nominal=nominal_parameters(
-            finding.nominal, finding.final, (covariance(finding.nominal), spread), j, units, numbers if given else {}
+            finding.nominal,
+            finding.final,
+            (covariance(finding.nominal) + undetermined(finding.nominal), spread),
+            j,
+            units,
+            numbers if given else {},
         ),
         remainder=tuple(SignalDependence(**asdict(dependence)) for dependence in left.dependences),
         remainder_excess=float(left.excess),

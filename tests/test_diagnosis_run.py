@@ -21,13 +21,14 @@ from scipy.signal import lfilter
 import adeptone
 from diagnosis import ledger
 from diagnosis.beginning import started, with_phases
-from diagnosis.estimation import Point, covariance, errors, fit, predicted_motion
+from diagnosis.engine import find
+from diagnosis.estimation import Point, covariance, errors, fit, predicted_motion, undetermined
 from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend
 from diagnosis.ledger import closed, failures, floor_of, grown
 from diagnosis.nominal import COLUMN, Gravity, JointStructure, fit_nominal
 from diagnosis.output import as_dict, to_json
-from diagnosis.parameters import HEAT, REFERENCE, canonical, heat
+from diagnosis.parameters import HEAT, REFERENCE, JointUnits, canonical, effect_parameters, heat
 from diagnosis.planar_arm import in_commands, planar_pair
 from diagnosis.preparation import (
     DiagnosisError,
@@ -552,6 +553,39 @@ def test_heat_is_that_between_the_samples_as_well() -> None:
     assert sampled > 1.02 * found[1]
 
 
+def test_what_logs_leave_open_is_said_to_be_open() -> None:
+    """Without a weight on the arm, friction by its load shows the product of coefficient and share of the link only."""
+    truth = {"link_load_dependent_friction": {"coefficient": 0.1, "link_share": 0.8}}
+    problem = stack(build(built_in()), [recorded(model_of(truth), 1)], (1,))
+    nominal = fit_nominal(problem, (JointStructure(viscous_share=0.02 / 0.72),))
+    (effect,) = (effect for effect in built_in() if effect.name in truth)
+    final = fit(problem, extend(problem, nominal.point, Hypothesis(effect, 0), np.array([[0.16, 0.5]])))
+    names = [f.name for f in final.point.free]
+    own = [names.index(f"{effect.name}.{name}@0") for name in truth[effect.name]]
+    product = float(np.prod(final.point.vector[own]))
+    share = final.point.vector[own[1]]
+    assert product == pytest.approx(0.08, rel=0.01)
+    known, open_to = (np.sqrt(np.diag(spread))[own] for spread in (covariance(final), undetermined(final)))
+    assert np.all(known < 0.02)
+    assert open_to[1] == pytest.approx(1.0 / np.sqrt(12.0), rel=1e-3)
+    assert open_to[0] == pytest.approx(open_to[1] * product / share**2, rel=0.01)
+    others = np.delete(np.diag(undetermined(final)), own)
+    assert np.all(others <= 1e-6 * np.diag(covariance(final)).max())
+    assert not undetermined(nominal).any()
+
+
+def test_pushes_in_all_logs_have_the_sign_that_they_have_in_each() -> None:
+    push = {"torque": -0.3, "duration": 0.2, "shape": 0.5}
+    kernel, effects = build(built_in()), effects_of("collision")
+    logs = [recorded(model_of({"collision": push | {"time": time}}), seed) for seed, time in ((1, 2.0), (2, 4.0))]
+    problem = stack(kernel, logs, (1,))
+    finding = find(problem, (JointStructure(viscous_share=0.02 / 0.72),), effects)
+    (item,) = finding.accepted
+    found = effect_parameters(problem, finding.final, finding.covariance, item, JointUnits("voltage", "rad"))
+    assert found[0].name == "torque"
+    assert found[0].physical.value == pytest.approx(-0.3, rel=0.02)
+
+
 def test_standard_deviations_hold() -> None:
     """Coulomb friction from logs with coloured, unlogged noise scatters as its standard deviation says."""
     (effect,) = effects_of("coulomb_friction")
@@ -761,7 +795,6 @@ def test_experiments_swing_as_the_logs_did(command: list[float], amplitude: floa
 
 
 def test_isolability_and_next_experiment(with_friction: tuple) -> None:
-    from diagnosis.engine import find
     from diagnosis.isolability import isolability
     from diagnosis.next_experiment import next_experiment, seen
 

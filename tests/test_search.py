@@ -42,11 +42,11 @@ from diagnosis.engine import (
     quiet,
     with_jitter,
 )
-from diagnosis.estimation import Fitted, errors, finish, fit, plain, predicted_motion, sensitivities
+from diagnosis.estimation import Fitted, Point, errors, finish, fit, plain, predicted_motion, sensitivities
 from diagnosis.finding import Accepted, Finding, Verdict, near_equals, stood_for
 from diagnosis.first_fits import nearest, retuned
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, scan, sizes_of, withdraw
-from diagnosis.imitation import Signals, imitating, resistance
+from diagnosis.imitation import Signals, imitating, resistance, together
 from diagnosis.instants import retimed
 from diagnosis.jitter import Jitter, jitter
 from diagnosis.ledger import faster, floor_of
@@ -58,6 +58,7 @@ from diagnosis.other_bases import (
     on_either_joint,
     settled_anew,
 )
+from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import KnownTorques, Problem, Work, coarser, evenly, in_band, scales, stack
 from diagnosis.pruning import astray, elsewhere, general, merged, merged_afterwards, moved_by, prune, unified
 from diagnosis.regression import View, effective_samples
@@ -979,6 +980,35 @@ def test_a_general_form_of_another_law_takes_the_place_of_one_that_came_closer_a
     assert [item.name for item in other.accepted] == ["gradual_voltage_saturation"]
     assert other.base.point.value("gradual_voltage_saturation.voltage@0") == pytest.approx(1.0, rel=0.01)
     assert search.in_other_terms(other, other.accepted[0]) is None
+
+
+def test_a_spring_takes_the_place_of_the_wave_that_gravity_alone_left_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over a small angle gravity takes in nearly all of a spring, so that to first order one would pull backwards."""
+    spring, noise = {"stiffness": 1.0, "pull": 0.7}, 1e-3 * np.random.default_rng(0).standard_normal(5000)
+    problem = problem_of({"gravity_tilt": {"sine": 3.0, "cosine": 0.0}, "cable_spring": spring}, noise)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    few = [NAMED[name] for name in ("gravity_tilt", "cable_spring", "cogging_torque", "coulomb_friction")]
+    search = Search(problem, (JointStructure(),), few, Settings(), nominal, lambda text: None)
+    tilt = accepted(problem, nominal, "gravity_tilt", [4.0, -0.6])
+    wave = accepted(problem, tilt.scored.fitted, "cogging_torque", [-0.1, 0.2, 2.0])
+    base = wave.scored.fitted
+    path = Path(base, (tilt, wave), frozenset((item.name, 0) for item in (tilt, wave)), (nominal,))
+    assert patchwork(problem, base, path.accepted, Settings().rival) == {0: Patchwork.POSITION}
+    other = search.recast(path, wave)
+    assert other is not None
+    assert {item.name for item in other.accepted} == {"gravity_tilt", "cable_spring"}
+    assert other.base.point.value("cable_spring.stiffness@0") == pytest.approx(1.0, abs=0.15)
+    assert other.base.point.value("gravity_tilt.sine@0") == pytest.approx(3.0, abs=0.15)
+    assert all(search.recast(other, item) is None for item in other.accepted)
+    alone = Path(base, (wave,), frozenset({(wave.name, 0)}), (nominal,))
+    assert search.recast(alone, wave) is None
+    begun: list[Point] = []
+    monkeypatch.setattr("diagnosis.imitation.either_way", lambda problem, point: begun.append(point) or base)
+    for name in ("cable_spring", "encoder_eccentricity"):
+        together(problem, base, tilt.scored.fitted, wave.effect, NAMED[name], 0, [tilt.effect])
+    (point,) = begun  # readings that are wrong are no torque
+    assert point.value("gravity_tilt.sine@0") == pytest.approx(3.0, abs=0.3)
+    assert point.value("cable_spring.stiffness@0") == pytest.approx(1.0, abs=0.3)
 
 
 def test_a_late_command_takes_the_place_of_a_spring_that_hardly_bends() -> None:

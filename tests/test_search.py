@@ -2156,14 +2156,23 @@ def test_a_further_harmonic_is_no_repair_of_the_first() -> None:
         ("presliding_friction", [0.1, 2.0, 0.0], False),
         ("presliding_friction_stribeck", [0.1, 0.5, 0.0, 0.5, 0.9, 2.0], True),
         ("presliding_friction_stribeck", [0.1, 0.5, 0.0, 0.5, 2.0, 2.0], False),
+        ("presliding_friction_stribeck", [0.1, 0.5, 0.0, 0.5, 5e-5, 2.0], False),
     ],
 )
 def test_bristles_that_bend_as_far_as_the_joint_goes_are_no_friction(
     name: str, values: list[float], seen: bool
 ) -> None:
-    """Nor does a level from rest differ from the one in sliding that no motion of the logs reaches."""
+    """Nor does a level from rest differ from the one in sliding that no motion of the logs reaches, or that all reach
+    within a sample."""
     scales = SimpleNamespace(
-        position_span=1.0, velocity_peak=1.0, velocity_rms=0.3, encoder_step=1e-5, sample_time=1e-3
+        position_span=1.0,
+        velocity_peak=1.0,
+        velocity_rms=0.3,
+        encoder_step=1e-5,
+        sample_time=1e-3,
+        torque_rms=1.0,
+        inertia=0.3,
+        acceleration_rms=2.0,
     )
     assert NAMED[name].resolved(values, scales) is seen
 

@@ -58,7 +58,13 @@ LINK = replace(
     kind="load_dependent_friction",
     parameters=(
         *EFFECT.parameters,
-        EffectParameter("link_share", "ratio", "share of the inertia that the transmission moves", 0.0, 1.0),
+        EffectParameter(
+            "link_share",
+            "ratio",
+            "share of the inertia behind it; without a weight only its product with the coefficient is seen",
+            0.0,
+            1.0,
+        ),
     ),
     equation=r"\tau_f = \mu\,|s\,J\ddot q + \tau_{arm}|\,\mathrm{sign}(\dot q)",
     excludes=(EFFECT.name, ROUNDED.name, *SPRINGS, *PLAYS),

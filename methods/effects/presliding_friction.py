@@ -12,6 +12,7 @@ Source: P. Dahl 1968; C. Canudas de Wit et al., A new model for control of syste
 from dataclasses import replace
 
 from methods.effects.base import Effect, EffectParameter, geometric, is_readable
+from methods.effects.coulomb_friction import turns_slowly
 
 
 def starts(s):
@@ -72,7 +73,7 @@ LUGRE = replace(
     ),
     includes=("presliding_friction", "stribeck_friction", "coulomb_friction"),
     excludes=("presliding_friction_power",),
-    resolved=lambda p, s: is_seen(p, s) and p[4] < s.velocity_peak,  # or it never falls
+    resolved=lambda p, s: is_seen(p, s) and turns_slowly(p[4], s) and p[4] < s.velocity_peak,  # or it never falls
     starts=lambda s: [
         (*values, 0.5, share * s.velocity_rms, 1.5) for values in starts(s)[::2] for share in (0.03, 0.1, 0.3)
     ],

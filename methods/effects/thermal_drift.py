@@ -18,7 +18,9 @@ EFFECT = Effect(
     stage="motor",
     slot="structure",
     parameters=(
-        EffectParameter("resistance_rise", "ratio", "relative rise reached in the end at the mean square current"),
+        EffectParameter(
+            "resistance_rise", "ratio", "relative rise reached in the end at the mean square current of all fitted logs"
+        ),
         EffectParameter("time_constant", "time", "thermal time constant", lower=1.0),
     ),
     equation=r"R = R_0(1+\vartheta),\ T\dot\vartheta = r\,i^2/\overline{i^2} - \vartheta",

@@ -427,7 +427,7 @@ class Search:
             if path.accepted:
                 if is_first and path.excess == 0.0 and not self.incomplete(path):
                     break
-                complete = path.excess <= allowance(self.nominal, path.base)
+                complete = path.excess <= allowance(self.nominal, path.base) and not self.incomplete(path)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
                 needed = max(needed, path.scattered)
             repaired = self.reformed(path) or self.renamed(path) or self.repaired(path, candidates, explained)
@@ -543,9 +543,10 @@ class Search:
     def repaired(self, path: Path, candidates: Sequence[tuple[Effect, int]], explained: float) -> Path | None:
         """The path with a general form of a law that is there in its place, where that leaves nothing; None otherwise.
 
-        No other effect could do more, and all are sought beside it next.
+        No other effect could do more, and all are sought beside it next. A parameter that does not stay the same over
+        the logs asks for one as well, where nothing else is left.
         """
-        if path.excess == 0.0:
+        if path.excess == 0.0 and not (path.left and self.incomplete(path)):
             return None
         there = {(item.label, item.joint) for item in path.accepted}
         forms = [(effect, j) for effect, j in candidates if (effect.label, j) in there and effect.neutral]

@@ -33,7 +33,9 @@ INSTANTS = ("time", "phase")
 STEADY = "thermal_drift_steady"
 """The form of a thermal drift that no current drives."""
 Values = Mapping[str, float]
-REFERENCE, LAG = NOMINAL.index("torque_square_mean"), NOMINAL.index("electrical_time_constant")
+REFERENCE, LAG, BACK_EMF = (
+    NOMINAL.index(name) for name in ("torque_square_mean", "electrical_time_constant", "back_emf")
+)
 LONGEST = 2.0
 """Steps over a winding's time constant beyond which the simulation takes the winding for a delay."""
 INERTIA, HEAT = "joint inertia", "mean square motor torque"
@@ -291,23 +293,29 @@ def effect_parameters(
 def heat(problem: Problem, point: Point, j: int) -> float:
     """Mean square motor torque of joint index j in a model, over the one that its thermal parameters refer to.
 
-    Between samples the torque behind a winding of time constant T goes on as ``a + (w0 - a) e^(-t/T)``, whose square is
-    averaged over the interval: at the samples alone a switching command has just settled. What it goes towards, a, is
-    told by the factor of the simulation's own Runge-Kutta steps, which is not quite that of the exponential.
+    Between samples the torque behind a winding of time constant T goes on as ``b + g t + d e^(-t/T)``, whose square is
+    averaged over the interval: at the samples alone a switching command has just settled. It goes towards what the
+    command leaves above the back-EMF, which falls by -g as the joint gains speed, and by how much it comes closer there
+    is told by the factor of the simulation's own Runge-Kutta steps, which is not quite that of the exponential.
     """
-    row, torque = point.parameters[0, j], predicted_motion(problem, point)[:, j, 2]
-    logs = [torque[a:b] for a, b in pairwise(problem.bounds)]
+    row, motion = point.parameters[0, j], predicted_motion(problem, point)[:, j]
+    logs = [motion[a:b] for a, b in pairwise(problem.bounds)]
     if row[LAG] <= 0.0:
-        return float(np.mean(np.concatenate([log[:-1] for log in logs]) ** 2) / row[REFERENCE])
-    intervals = problem.sample_time / row[LAG]
-    left, share = math.exp(-intervals), -math.expm1(-intervals) / intervals
+        return float(np.mean(np.concatenate([log[:-1, 2] for log in logs]) ** 2) / row[REFERENCE])
     total = 0.0
-    for a, log in zip(problem.bounds, logs, strict=False):
-        told = _simulated(problem, point, j, float(problem.time[a + 1] - problem.time[a]))
-        towards = (log[1:] - told * log[:-1]) / (1.0 - told)
-        ends, _ = lfilter([1.0 - left], [1.0, -left], towards, zi=[left * log[0]])
-        away = np.concatenate([log[:1], ends[:-1]]) - towards
-        total += np.sum(towards**2 + 2.0 * towards * away * share + away**2 * share * 0.5 * (1.0 + left))
+    for begin, log in zip(problem.bounds, logs, strict=False):
+        interval = float(problem.time[begin + 1] - problem.time[begin])
+        n = interval / row[LAG]
+        left, told = math.exp(-n), _simulated(problem, point, j, interval)
+        speed, torque = log[:, 1], log[:, 2]
+        gain = -row[BACK_EMF] * np.diff(speed)  # of what it goes towards, over the interval
+        late = gain / n
+        towards = (torque[1:] - gain - told * torque[:-1]) / (1.0 - told) + late
+        ends, _ = lfilter([1.0], [1.0, -left], (1.0 - left) * (towards - late) + gain, zi=[left * torque[0]])
+        b, share = towards - late, (1.0 - left) / n
+        d = np.concatenate([torque[:1], ends[:-1]]) - b
+        slow = b**2 + b * gain + gain**2 / 3.0
+        total += np.sum(slow + d**2 * share * 0.5 * (1.0 + left) + 2.0 * d * (b * share + gain * (share - left) / n))
     return float(total / sum(len(log) - 1 for log in logs) / row[REFERENCE])
 
 

@@ -7,6 +7,7 @@ friction beside another one is an expansion of any friction. Such names describe
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from enum import Enum
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -38,6 +39,8 @@ DEEP = 20.0
 """Depth to which a hardening contact is pressed, in halves of its play, from which there is no play to speak of."""
 FOLLOWS = 2.0 * np.pi
 """Time constants, of a spring that draws back what its own damper lets slip, that the longest log has to last."""
+CERTAIN = 3.0
+"""Standard deviations from nothing at which a law draws a joint back for certain."""
 CANCELLING = 0.25
 """Sum of torques, as a share of the largest, below which they only describe another law."""
 
@@ -60,7 +63,8 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
     Frictions: both contain dry friction, which cannot be there twice, or one is so rounded that it never comes near its
     level. A soft constraint that takes the velocity away as slowly as the joint itself coasts is no friction either.
     Torques of the position: they nearly cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a
-    polynomial of the position with as many coefficients explains the logs as well, up to `margin` of -2 log likelihood.
+    polynomial of the position with as many coefficients explains the logs as well, up to `margin` of -2 log likelihood
+    (where they do not each draw the joint back).
     All laws without a memory: an offset far beyond the commands that an asymmetry takes back is a piece of another law.
     Laws of the command and of the motor torque, where this is the command: neither has its textbook's form. A play
     whose contact hardens and is pressed far deeper than the play is wide. A flexibility whose spring takes
@@ -78,7 +82,7 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
         elif len(places) > 1 and (
             is_piece(problem, final, j, places)
             or is_cancelling(problem, final, j, places)
-            or is_polynomial(problem, final, j, places, margin)
+            or (not draw_back(problem, final, j, places) and is_polynomial(problem, final, j, places, margin))
         ):
             found[j] = Patchwork.POSITION
         elif is_balanced(problem, final, j, own):
@@ -178,6 +182,30 @@ def is_cancelling(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect
     reading = problem.reading[problem.used, j]
     every = torques(problem, final, j, laws, np.quantile(reading, np.linspace(0.0, 1.0, 200)))
     return bool(np.std(every.sum(axis=0)) < CANCELLING * np.max(np.std(every, axis=1)))
+
+
+def draw_back(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect]) -> bool:
+    """Whether all laws are known ones of a machine, no waves, and each certainly draws the joint back on the whole.
+
+    A spring beside a weight that hangs is what it seems, also over angles at which a polynomial is as good. Laws that
+    draw against each other are an expansion: a spring that stiffens looks like one beside a weight that stands.
+    """
+    reading = problem.reading[problem.used, j]
+    ends, free = np.array([np.min(reading), np.max(reading)]), {f.name: i for i, f in enumerate(final.point.free)}
+    for effect in laws:
+        if effect.scan is not None or effect.neutral:
+            return False
+        own = [free[f"{effect.name}.{parameter.name}@{j}"] for parameter in effect.parameters]
+        rise = float(np.diff(torques(problem, final, j, [effect], ends)[0])[0])
+        slopes = np.zeros(len(own))
+        for k, i in enumerate(own):
+            step = np.zeros(len(free))
+            step[i] = final.point.free[i].scale
+            moved = replace(final, point=final.point.at(final.point.vector + step))
+            slopes[k] = (np.diff(torques(problem, moved, j, [effect], ends)[0])[0] - rise) / step[i]
+        if rise < CERTAIN * np.sqrt(slopes @ final.covariance[np.ix_(own, own)] @ slopes):
+            return False
+    return True
 
 
 def is_balanced(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect]) -> bool:

@@ -184,6 +184,18 @@ def test_winding_heats_to_its_balance(law):
     assert 0.1 * rise < early < 0.25 * rise
 
 
+def test_the_mean_square_current_is_that_between_the_samples():
+    """A winding as slow as a sample is long: at the middle of a sample a switching current is another one."""
+    held, command = 20, np.where(np.arange(400) % 3 == 0, -0.5, 0.5)
+    joint = replace(MOTOR, link_inertia=1e9, inductance=MOTOR.resistance * TS)
+    coarse = simulate((joint,), command, TS)
+    fine = simulate((joint,), np.repeat(command, held), TS / held)
+    squares = [np.mean(motion.current_square) for motion in (coarse, fine)]
+    assert squares[0] == pytest.approx(squares[1], rel=1e-3)
+    assert np.mean(fine.current**2) == pytest.approx(squares[1], rel=2e-3)
+    assert abs(np.mean(coarse.current**2) / squares[0] - 1.0) > 0.02
+
+
 # --- friction --------------------------------------------------------------------------------------------------------
 
 

@@ -10,7 +10,7 @@ from diagnosis.finding import Accepted
 from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.lags import BACK_EMF, WINDING
 from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.patchwork import Patchwork, is_doubled, is_polynomial, patchwork, rms_velocity
+from diagnosis.patchwork import Patchwork, draw_back, is_doubled, is_polynomial, patchwork, rms_velocity
 from diagnosis.problem import Problem, stack
 from diagnosis.search import Scored
 from envs.log import JointFacts, Log
@@ -23,9 +23,13 @@ EFFECTS = built_in()
 NAMED = {effect.name: effect for effect in EFFECTS}
 KERNEL = build(EFFECTS)
 JOINT = {"inertia": 0.07, "viscous": 0.02, "back_emf": 0.7, "electrical_time_constant": 0.004}
-SPRING_AND_TILT = {
+HANGING = {
     "cable_spring": {"stiffness": 0.15, "pull": 0.02},
     "gravity_tilt": {"sine": 0.2, "cosine": 0.1},
+}
+STANDING = {
+    "cable_spring": {"stiffness": 0.6, "pull": 0.02},
+    "gravity_tilt": {"sine": -0.25, "cosine": 0.1},
 }
 MARGIN = 6.0
 
@@ -55,13 +59,27 @@ def fitted_with(problem: Problem, effects: dict[str, dict[str, float]]) -> tuple
 
 
 @pytest.mark.parametrize(("amplitude", "step", "alike"), [(1.5, 1e-5, False), (0.2, 1e-3, True)])
-def test_a_polynomial_is_as_good_as_spring_and_tilt_only_where_the_logs_show_no_sine(amplitude, step, alike) -> None:
-    problem = problem_of(SPRING_AND_TILT, amplitude, step)
-    fitted, accepted = fitted_with(problem, SPRING_AND_TILT)
+@pytest.mark.parametrize("torques", [HANGING, STANDING])
+def test_a_polynomial_is_as_good_as_spring_and_tilt_only_where_the_logs_show_no_sine(
+    torques, amplitude, step, alike
+) -> None:
+    """There a weight that hangs beside a spring is one, and one that stands may be what makes a spring stiffen."""
+    problem = problem_of(torques, amplitude, step)
+    fitted, accepted = fitted_with(problem, torques)
     laws = [item.effect for item in accepted]
     assert is_polynomial(problem, fitted, 0, laws, MARGIN) is alike
-    assert patchwork(problem, fitted, accepted, MARGIN) == ({0: Patchwork.POSITION} if alike else {})
+    assert draw_back(problem, fitted, 0, laws) is (torques is HANGING)
+    is_one = alike and torques is STANDING
+    assert patchwork(problem, fitted, accepted, MARGIN) == ({0: Patchwork.POSITION} if is_one else {})
     assert patchwork(problem, fitted, accepted[:1], MARGIN) == {}  # one law is no patchwork
+
+
+def test_what_may_as_well_draw_the_other_way_does_not_draw_back_for_certain() -> None:
+    problem = problem_of(HANGING, 0.2, 1e-3)
+    fitted, accepted = fitted_with(problem, HANGING)
+    laws = [item.effect for item in accepted]
+    assert not draw_back(problem, replace(fitted, covariance=1e6 * fitted.covariance), 0, laws)
+    assert not draw_back(problem, fitted, 0, [*laws, NAMED["cogging_torque"]])
 
 
 def test_the_same_friction_cannot_be_there_twice() -> None:

@@ -392,7 +392,7 @@ def record(truth: Truth, experiment: Experiment, name: str, rng: Rng) -> tuple[L
         loop=experiment.mode,
         name=name,
     )
-    return log, streams, np.mean(motion.current**2, axis=0)
+    return log, streams, np.mean(motion.current_square, axis=0)
 
 
 def _resampled(truth: Truth, motion: Motion, instants: Array, noise: Array) -> Array:

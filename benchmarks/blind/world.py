@@ -274,7 +274,10 @@ class Loop(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What the world did; arrays (samples, joints). Everything but `command` and `measured` is hidden truth."""
+    """What the world did; arrays (samples, joints). Everything but `command` and `measured` is hidden truth.
+
+    current_square: mean of the squared current until the next sample.
+    """
 
     command: Array
     measured: Array
@@ -283,6 +286,7 @@ class Motion(NamedTuple):
     current: Array
     motor_torque: Array
     resistance_rise: Array
+    current_square: Array
     fine_position: Array
     fine_velocity: Array
 
@@ -755,6 +759,7 @@ def _run(p, pair, s, loop, feed, reference, rate, step, limit, ramp, delay, amp_
                     e[j], arrived[j] = _arriving(p[j], applied[j], delay[j], arrived[j], k, t, h, sample_time)
                 e[j] += amp_noise[k, j] + place * (amp_noise[after, j] - amp_noise[k, j])
                 _half_winding(p[j], s[j], e[j], 0.5 * h)
+                out.current_square[k, j] += s[j].current * s[j].current / substeps
             _drift(p, s, 0.5 * h)
             for j in range(n):
                 s[j].load = stray[k, j] + place * (stray[after, j] - stray[k, j])
@@ -823,7 +828,7 @@ def simulate(
     target = table(reference)
     substeps = max(1, math.ceil(sample_time / step_limit - 1e-9))
     length = samples * substeps + 1 if fine else 1
-    motion = Motion(*(np.zeros((rows, n)) for rows in [samples] * 7 + [length] * 2))
+    motion = Motion(*(np.zeros((rows, n)) for rows in [samples] * 8 + [length] * 2))
     state = _at_rest(vector(start, 0.0))
     motion.fine_position[0] = state["angle"]
     _run(

@@ -289,9 +289,24 @@ def test_saturation_with_a_knee_is_one_by_a_power_or_one_of_the_amplifier() -> N
         assert curve == pytest.approx(gradual(torque, 0.0, 0.0, 0.0, 0.0, (2.0, 3.0)))
 
 
+def test_hyperbolic_saturations_of_torque_and_command_are_one_law_and_begin_as_the_rational_one() -> None:
+    names = ("torque_constant_saturation", "torque_constant_saturation_tanh", "voltage_saturation_tanh")
+    rational, torque, command = (NAMED[n].function for n in names)
+    assert rational is not None
+    assert torque is not None
+    assert command is not None
+    for w in (-1.7, 0.4):
+        assert w * torque(0.0, 0.0, 0.0, w, (0.3,)) == pytest.approx(np.tanh(w * 0.9**0.5) / 0.9**0.5)
+        assert command(w, 0.0, 0.0, 0.0, 0.0, (0.9**-0.5,)) == pytest.approx(w * torque(0.0, 0.0, 0.0, w, (0.3,)))
+    small = [1.0 - law(0.0, 0.0, 0.0, 0.02, (0.3,)) for law in (rational, torque)]
+    assert small[1] == pytest.approx(small[0], rel=1e-3)
+    assert torque(0.0, 0.0, 0.0, 0.0, (0.3,)) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize(
     ("form", "values"),
     [
+        ("tanh", {"coefficient": 0.15}),
         ("levelling", {"coefficient": 0.2, "levelling": 0.0}),
         ("knee", {"coefficient": 0.25, "exponent": 0.3, "sharpness": 1.7}),
     ],

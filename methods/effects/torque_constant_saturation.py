@@ -50,6 +50,22 @@ POWER = replace(
 )
 
 
+def tanh(t, q, dq, w, p):
+    """tanh(x) / x, x = (3 coefficient)^(1/2) |w|; 1 below 1e-5."""
+    x = max(math.sqrt(3.0 * p[0]) * abs(w), 1e-5)
+    return math.tanh(x) / x
+
+
+TANH = replace(
+    EFFECT,
+    name="torque_constant_saturation_tanh",
+    kind="torque_constant_saturation",
+    equation=r"\tau_m = \alpha\,i_s \tanh(i / i_s),\ c = 1 / (3\,i_s^2)",
+    function=tanh,
+)
+"""Towards a largest torque."""
+
+
 def early(t, q, dq, w, p):
     """1 / (1 + coefficient |w|)."""
     return 1.0 / (1.0 + p[0] * abs(w))
@@ -112,4 +128,4 @@ KNEE = replace(
     expected_failures=(("linear_in_amplitudes", "its loss grows with a power of its coefficient"),),
 )
 """Iron that gives its torque until it saturates: little is lost at first, and more the sooner beyond the knee."""
-EFFECTS = exclusive((EFFECT, POWER, EARLY, LEVELLING, KNEE))
+EFFECTS = exclusive((EFFECT, POWER, TANH, EARLY, LEVELLING, KNEE))

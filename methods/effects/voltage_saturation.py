@@ -6,7 +6,7 @@ Source: G. F. Franklin, J. D. Powell, A. Emami-Naeini, Feedback Control of Dynam
 import math
 from dataclasses import replace
 
-from methods.effects.base import Effect, EffectParameter, grid
+from methods.effects.base import Effect, EffectParameter, exclusive, grid
 
 
 def command(u, t, q, dq, w, p):
@@ -50,4 +50,19 @@ GRADUAL = replace(
     function=gradual,
     tries=2,
 )
-EFFECTS = (EFFECT, GRADUAL)
+
+
+def tanh(u, t, q, dq, w, p):
+    """voltage tanh(u / voltage)."""
+    return p[0] * math.tanh(u / max(p[0], 1e-12))
+
+
+TANH = replace(
+    EFFECT,
+    name="voltage_saturation_tanh",
+    kind="voltage_saturation",
+    equation=r"v_a = v_{max} \tanh(v / v_{max})",
+    starts=lambda s: [(fraction * s.command_peak,) for fraction in (2.0, 1.0, 0.5)],
+    function=tanh,
+)
+EFFECTS = exclusive((EFFECT, GRADUAL, TANH))

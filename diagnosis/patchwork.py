@@ -193,9 +193,10 @@ def draw_back(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect]) -
     reading = problem.reading[problem.used, j]
     ends, free = np.array([np.min(reading), np.max(reading)]), {f.name: i for i, f in enumerate(final.point.free)}
     for effect in laws:
-        if effect.scan is not None or effect.neutral:
+        names = [f"{effect.name}.{parameter.name}@{j}" for parameter in effect.parameters]
+        if effect.scan is not None or effect.neutral or not free.keys() >= set(names):
             return False
-        own = [free[f"{effect.name}.{parameter.name}@{j}"] for parameter in effect.parameters]
+        own = [free[name] for name in names]
         rise = float(np.diff(torques(problem, final, j, [effect], ends)[0])[0])
         slopes = np.zeros(len(own))
         for k, i in enumerate(own):

@@ -726,14 +726,15 @@ class Search:
         problem, joint = self.problem, item.joint
         others = tuple(other for other in path.accepted if other is not item)
         own = [other.effect for other in others if other.joint == joint and of_position(other.effect)]
+        if not (own and of_position(item.effect)):
+            return None
         rivals = [
             effect
             for effect, j in self.candidates(shortened(path, others, path.base), is_full=False)
             if j == joint and of_position(effect) and effect.scan is None and effect.name == effect.label != item.label
         ]
-        if not (own and rivals and of_position(item.effect)):
-            return None
-        if patchwork(problem, path.base, path.accepted, self.settings.rival).get(joint) is not Patchwork.POSITION:
+        pieces = patchwork(problem, path.base, path.accepted, self.settings.rival) if rivals else {}
+        if pieces.get(joint) is not Patchwork.POSITION:
             return None
         self.tell(f"another law in the place of {item.label}")
         smaller = without(problem, path.base, item)

@@ -112,14 +112,14 @@ def together(
     def differ(x: Array) -> Array:
         return sum(law(own) for law, own in zip((theirs, *moved), np.split(x, ends), strict=True)) - wanted
 
-    fits = []
-    for first_values in other.starts(sizes_of(problem, base)[joint]):
-        x = np.clip(np.concatenate([first_values, *values]), *bounds)
-        fits.append(least_squares(differ, x, bounds=bounds, x_scale=np.abs(x) + 1e-12, max_nfev=60))
-    if not fits or 2.0 * min(fitted.cost for fitted in fits) > NEARLY**2 * np.sum((wanted - np.mean(wanted)) ** 2):
+    starts = [np.concatenate([own, *values]) for own in other.starts(sizes_of(problem, base)[joint])]
+    if not starts:
         return None
-    own, *rest = np.split(min(fits, key=lambda fitted: fitted.cost).x, ends)
-    start = Start(Hypothesis(other, joint), np.tile(own, (problem.logs, 1)), 0.0, len(fits))
+    best, cost = nearest(differ, starts, bounds, 60)
+    if 2.0 * cost > NEARLY**2 * np.sum((wanted - np.mean(wanted)) ** 2):
+        return None
+    own, *rest = np.split(best, ends)
+    start = Start(Hypothesis(other, joint), np.tile(own, (problem.logs, 1)), 0.0, len(starts))
     point = in_place(problem, base, effect, start)
     parameters = point.parameters.copy()
     for law, x in zip(beside, rest, strict=True):
@@ -139,12 +139,21 @@ def alike(problem: Problem, base: Fitted, effect: Effect, other: Effect, joint: 
     aside = lambda torque: torque - speed * (speed @ torque)  # the damping moves along  # noqa: E731
     wanted = aside(own(values))
     bounds = [p.lower for p in other.parameters], [p.upper for p in other.parameters]
-    starts = [np.clip(values, *bounds) for values in other.starts(sizes_of(problem, base)[joint])]
+    starts = [np.asarray(values, dtype=float) for values in other.starts(sizes_of(problem, base)[joint])]
     if not starts:
         return None
-    differ = lambda p: aside(theirs(p)) - wanted  # noqa: E731
-    fits = [least_squares(differ, x, bounds=bounds, x_scale=np.abs(x) + 1e-12, max_nfev=30) for x in starts]
-    best = min(fits, key=lambda fitted: fitted.cost)
-    if 2.0 * best.cost > ALIKE**2 * np.sum(wanted**2):
+    best, cost = nearest(lambda p: aside(theirs(p)) - wanted, starts, bounds, 30)
+    if 2.0 * cost > ALIKE**2 * np.sum(wanted**2):
         return None
-    return Start(Hypothesis(other, joint), np.tile(best.x, (problem.logs, 1)), 0.0, len(starts))
+    return Start(Hypothesis(other, joint), np.tile(best, (problem.logs, 1)), 0.0, len(starts))
+
+
+def nearest(
+    differ: Callable[[Array], Array], starts: Sequence[Array], bounds: tuple[list[float], list[float]], most: int
+) -> tuple[Array, float]:
+    """Where the squares of a difference are least, begun from each start, and half of their sum there; most:
+    evaluations from each."""
+    begun = [np.clip(start, *bounds) for start in starts]
+    fits = [least_squares(differ, x, bounds=bounds, x_scale=np.abs(x) + 1e-12, max_nfev=most) for x in begun]
+    best = min(fits, key=lambda fitted: fitted.cost)
+    return best.x, float(best.cost)

@@ -295,7 +295,7 @@ def heat(problem: Problem, point: Point, j: int) -> float:
 
     Between samples the torque behind a winding of time constant T goes on as ``b + g t + d e^(-t/T)``, whose square is
     averaged over the interval: at the samples alone a switching command has just settled. It goes towards what the
-    command leaves above the back-EMF, which falls by -g as the joint gains speed, and by how much it comes closer there
+    command leaves above the back-EMF, whose slope is g as the joint gains speed, and by how much it comes closer there
     is told by the factor of the simulation's own Runge-Kutta steps, which is not quite that of the exponential.
     """
     row, motion = point.parameters[0, j], predicted_motion(problem, point)[:, j]
@@ -309,10 +309,8 @@ def heat(problem: Problem, point: Point, j: int) -> float:
         left, told = math.exp(-n), _simulated(problem, point, j, interval)
         speed, torque = log[:, 1], log[:, 2]
         gain = -row[BACK_EMF] * np.diff(speed)  # of what it goes towards, over the interval
-        late = gain / n
-        towards = (torque[1:] - gain - told * torque[:-1]) / (1.0 - told) + late
-        ends, _ = lfilter([1.0], [1.0, -left], (1.0 - left) * (towards - late) + gain, zi=[left * torque[0]])
-        b, share = towards - late, (1.0 - left) / n
+        b, share = (torque[1:] - gain - told * torque[:-1]) / (1.0 - told), (1.0 - left) / n
+        ends, _ = lfilter([1.0], [1.0, -left], (1.0 - left) * b + gain, zi=[left * torque[0]])
         d = np.concatenate([torque[:1], ends[:-1]]) - b
         slow = b**2 + b * gain + gain**2 / 3.0
         total += np.sum(slow + d**2 * share * 0.5 * (1.0 + left) + 2.0 * d * (b * share + gain * (share - left) / n))

@@ -624,6 +624,25 @@ def test_a_general_form_that_promises_little_of_what_is_left_is_no_repair(monkey
     assert asked == pytest.approx([Settings().threshold, 500.0])
 
 
+def test_a_parameter_that_drifts_where_nothing_else_is_left_asks_for_general_forms(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    item = accepted(problem, nominal, "coulomb_friction", [0.2])
+    asked: list[float] = []
+    monkeypatch.setattr("diagnosis.engine.try_all", lambda *given, needed: asked.append(needed) or [])
+    few = [NAMED[name] for name in ("coulomb_friction", "tapered_coulomb_friction")]
+    search = Search(problem, (JointStructure(),), few, Settings(), nominal, lambda text: None)
+    left = Remainder((), 0.0, 10, 0.0, 0.0, 0.0)
+    path = Path(item.scored.fitted, (item,), frozenset({("coulomb_friction", 0)}), (nominal,), (left,))
+    assert path.excess == 0.0
+    for drifts in (False, True):
+        monkeypatch.setattr(Search, "incomplete", lambda self, path, drifts=drifts: drifts)
+        assert search.repaired(path, search.candidates(path, is_full=False), 1e4) is None
+        assert asked == [Settings().threshold] * drifts
+
+
 def test_continuous_readings_of_all_logs_have_the_same_noise() -> None:
     """A sensor does not know how fast it is moved: held-out logs of faster motion would seem to be missed."""
     slow = record({})

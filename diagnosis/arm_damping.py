@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point, fit
+from diagnosis.estimation import Fitted, Point, finish, fit
 from diagnosis.problem import Free, Problem
 from diagnosis.turns import free_of_filter, in_turns
 from methods.effects.base import Effect
@@ -69,6 +69,23 @@ def _settled(
     back = fit(problem, _taken_back(best.point, name, joints), best.whitener, rounds=2, iterations=6)
     whole = min(fitted, further, back, key=lambda option: option.criterion)
     return best if best.criterion + cost < whole.criterion else whole
+
+
+def arm_damping_open(problem: Problem, fitted: Fitted) -> Fitted:
+    """The fit with mechanical damping on both sides of every spring and play, whatever it gains.
+
+    Logs that do not tell how damping is divided tell the spring and the winding less well, too: that is in the
+    deviations of all parameters only where the division is one of them.
+    """
+    names = {f.name for f in fitted.point.free}
+    joints = [
+        j for j in range(problem.joints) if _is_split(problem, fitted.point, j) and f"arm_viscous@{j}" not in names
+    ]
+    if problem.pair or not joints:
+        return fitted
+    begun = on_arms_side(fitted.point, joints, 0.0, 0.0)
+    best = fit(problem, begun, fitted.whitener, iterations=12)
+    return best if best.criterion < fitted.criterion else finish(problem, begun, fitted.error, fitted.whitener)
 
 
 def undivided(problem: Problem, point: Point) -> Point:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from diagnosis.arm_damping import arm_damping_settled
+from diagnosis.arm_damping import arm_damping_open, arm_damping_settled
 from diagnosis.beginning import beginnings_settled
 from diagnosis.choice import (
     FORK,
@@ -935,7 +935,7 @@ class Search:
             said,
             nominal,
             tuple(accepted),
-            base,
+            base if said == "unknown" else arm_damping_open(problem, base),
             left,
             path.steps,
             refused=path.refused,

@@ -48,6 +48,8 @@ class JointStructure:
     electrical: the winding's lag is part of the model (voltage drives with inductance).
     gravity: ``none``, ``pendulum`` (sine and cosine of the angle) or ``constant`` (a vertical linear axis).
     viscous_share: share of the damping that is mechanical (0..1); command and angle cannot tell it from back-EMF.
+    damping: its stated damping, mechanical and by back-EMF, input-equivalent, where known; what a fit gives without the
+    effects that are missing may be far from it.
     electrical_time_constant: nominal L / R [s], where known.
     inertia: its stated inertia, input-equivalent, where known; it only decides between otherwise equal explanations.
     torque_limit: input-equivalent torque at the drive's known current limit (0: no limit known).
@@ -57,6 +59,7 @@ class JointStructure:
     electrical: bool = True
     gravity: Gravity = "none"
     viscous_share: float = 0.0
+    damping: float | None = None
     electrical_time_constant: float | None = None
     inertia: float | None = None
     torque_limit: float = 0.0
@@ -126,10 +129,11 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
         drive = float(np.sqrt(np.mean(np.concatenate(sides[j]) ** 2)))
         inertia = x[0] if x[0] > 0 else 0.1 * drive / rms[0]
         damping = max(x[1], 1e-3 * drive / rms[1])
-        share = structure.viscous_share if structure.input == "voltage" else 1.0
+        share, size = (structure.viscous_share, structure.damping) if structure.input == "voltage" else (1.0, None)
+        size = size or damping
         parameters[:, j, COLUMN["torque_limit"]] = structure.torque_limit
         parameters[:, j, COLUMN["inertia"]] = inertia
-        parameters[:, j, COLUMN["viscous"]] = share * damping
+        parameters[:, j, COLUMN["viscous"]] = share * size
         parameters[:, j, COLUMN["back_emf"]] = (1.0 - share) * damping
         stated = structure.inertia
         free.append(
@@ -145,7 +149,7 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
             )
         )
         main = "back_emf" if structure.input == "voltage" else "viscous"
-        free.append(Free(f"{main}@{j}", "joint", j, COLUMN[main], damping))
+        free.append(Free(f"{main}@{j}", "joint", j, COLUMN[main], size))
         if structure.input == "voltage" and structure.electrical:
             begin = structure.electrical_time_constant or 3e-3
             parameters[:, j, COLUMN["electrical_time_constant"]] = begin

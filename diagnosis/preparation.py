@@ -257,6 +257,7 @@ def structure(log: Log, joint: int, robot: Robot | None) -> JointStructure:
     return replace(
         known,
         viscous_share=viscous / total if total > 0.0 else 0.0,
+        damping=drive.input_equivalent * total or None,
         electrical_time_constant=lag or None,
         inertia=drive.input_equivalent * float(robot.inertia_matrix(pose(log, robot))[joint - 1, joint - 1]),
         torque_limit=torque_limit(robot, joint),

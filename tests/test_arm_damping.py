@@ -13,6 +13,7 @@ from scipy.linalg import expm
 from diagnosis.arm_damping import (
     ARM_FRICTION,
     ARM_VISCOUS,
+    arm_damping_open,
     arm_damping_settled,
     may_rub_behind,
     rubbing_behind,
@@ -92,6 +93,16 @@ def test_friction_on_the_motor_stays_there() -> None:
     assert after.criterion <= before.criterion
     assert after.point.parameters[0, 0, ARM_VISCOUS] == 0.0
     assert not any(f.name == "arm_viscous@0" for f in after.point.free)
+
+
+def test_a_division_that_logs_leave_open_is_in_the_deviations() -> None:
+    problem, before = sprung(0.0)
+    found = arm_damping_open(problem, before)
+    assert found.criterion <= before.criterion
+    assert found.standard_error("viscous@0") > 3.0 * before.standard_error("viscous@0")
+    assert abs(found.point.value("viscous@0") - DRAG) < 3.0 * found.standard_error("viscous@0")
+    assert abs(found.point.value("arm_viscous@0")) < 3.0 * found.standard_error("arm_viscous@0")
+    assert arm_damping_open(problem, found) is found
 
 
 def test_damping_is_one_number_again_without_the_spring() -> None:

@@ -72,6 +72,22 @@ def test_dry_friction_tells_the_share_that_nobody_stated() -> None:
     assert damping_settled(problem, fit_nominal(problem, (JointStructure(),))).point.free == before.point.free[:-1]
 
 
+def test_a_stated_mechanical_damping_is_no_share_of_what_a_fit_gives_without_the_effects() -> None:
+    """Without the spring the fit damps ten times as much here."""
+    stated = JointStructure(viscous_share=0.4, damping=2.0 * VISCOUS)
+    problem = recorded(is_sprung=True)
+    point = fit_nominal(problem, (stated,)).point
+    assert point.value("back_emf@0") > 10.0 * BACK_EMF
+    assert point.parameters[0, 0, 1] == pytest.approx(0.8 * VISCOUS)
+    point.parameters[:, 0, 0], point.parameters[:, 0, 2:4] = INERTIA, (BACK_EMF, WINDING)
+    spring = Hypothesis(NAMED["joint_flexibility"], 0)
+    values = np.tile(list(SPRUNG["joint_flexibility"].values()), (problem.logs, 1))
+    found = damping_settled(problem, fit(problem, extend(problem, point, spring, values), iterations=12))
+    (free,) = (f for f in found.point.free if f.name == "viscous@0")
+    assert (free.centre, free.deviation) == (pytest.approx(0.8 * VISCOUS), pytest.approx(VISCOUS))
+    assert found.point.value("viscous@0") == pytest.approx(VISCOUS, rel=0.05)
+
+
 def test_a_stated_share_is_left_as_it_is() -> None:
     problem = recorded()
     stated = with_friction(problem, 0.4)

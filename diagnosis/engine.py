@@ -93,6 +93,7 @@ from diagnosis.settings import LENGTH, SHORTEST, Settings
 from diagnosis.shooting import best_of, shot
 from diagnosis.timing import timing_settled
 from diagnosis.turns import either_way, free_of_filter, in_turns
+from diagnosis.undecided import left_undecided
 from diagnosis.verdict import allowance, unexplained, verdict
 from methods.effects.base import Effect
 from methods.kernel import acts_on_either_side
@@ -931,11 +932,13 @@ class Search:
             path.unsteady > max(settings.threshold, settings.inexact * explained)
         ):
             said = "unknown"
+        if said != "unknown":
+            accepted, base = left_undecided(problem, arm_damping_open(problem, base), accepted, self.effects)
         return Finding(
             said,
             nominal,
             tuple(accepted),
-            base if said == "unknown" else arm_damping_open(problem, base),
+            base,
             left,
             path.steps,
             refused=path.refused,

@@ -279,7 +279,8 @@ def fit(
                 scale = weights(innovation, problem.joints)
                 scaled = jacobian * scale
                 systems = _systems(jacobian, scaled, np.diag(certainty), absorbed)
-            away = point.vector - centre
+            now = point.vector
+            away = now - centre
             base = float(np.sum((innovation * scale) ** 2) + away**2 @ certainty)
             gradient = scaled @ (innovation * scale) + certainty * away
             if not (np.all(np.isfinite(systems[0][0])) and np.all(np.isfinite(gradient)) and np.any(systems[0][0])):
@@ -287,12 +288,10 @@ def fit(
             trials = []
             for gram, follow in systems:
                 diagonal = np.maximum(np.diag(gram), 1e-30 * max(np.max(np.diag(gram)), 1e-300))
-                root = np.sqrt(diagonal)
                 for factor in (damping * 0.1, damping * 100.0):
-                    matrix = gram + factor * np.diag(diagonal)
-                    step = np.linalg.lstsq(matrix / np.outer(root, root), -gradient / root, rcond=1e-13)[0]
-                    vector = np.clip(point.vector + step / root, lower, upper)
-                    own = filter_ if follow is None else filter_.moved(follow @ (vector - point.vector))
+                    step = bounded_step(gram + factor * np.diag(diagonal), gradient, lower - now, upper - now)
+                    vector = np.clip(now + step, lower, upper)
+                    own = filter_ if follow is None else filter_.moved(follow @ (vector - now))
                     trials.append((factor, point.at(vector), own))
             outcomes = errors(problem, [trial for _, trial, _ in trials])
             costs = [
@@ -324,6 +323,26 @@ def fit(
     if criterion_at(problem, point, error, filter_) > lowest:
         (point, error, filter_), slopes = kept, None
     return finish(problem, point, error, filter_, count, known, slopes if age <= 1 else None)
+
+
+def bounded_step(matrix: Array, gradient: Array, lower: Array, upper: Array) -> Array:
+    """Minimum (P,) of ``g s + s M s / 2`` between bounds on the step s; M (P, P) is positive definite.
+
+    What would go beyond a bound stays there, and the others take the best step beside it: if all went their way as if
+    there were no bound, a valley that leads along it could only be followed in small steps.
+    """
+    root = np.sqrt(np.diag(matrix))
+    scaled, step = matrix / np.outer(root, root), np.zeros(len(gradient))
+    moving = np.ones(len(gradient), dtype=bool)
+    while np.any(moving):
+        pull = (gradient[moving] + matrix[np.ix_(moving, ~moving)] @ step[~moving]) / root[moving]
+        step[moving] = np.linalg.lstsq(scaled[np.ix_(moving, moving)], -pull, rcond=1e-13)[0] / root[moving]
+        beyond = moving & ((step < lower) | (step > upper))
+        if not np.any(beyond):
+            break
+        step[beyond] = np.clip(step, lower, upper)[beyond]
+        moving &= ~beyond
+    return step
 
 
 def criterion_at(problem: Problem, point: Point, error: Array, filter_: Whitener) -> float:

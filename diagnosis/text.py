@@ -19,7 +19,7 @@ HEADLINE = {
     "load_dependent_friction": "of {coefficient} times the torque",
 }
 """How strong an effect is, in its parameters; others are as strong as their first one says."""
-BY_THEMSELVES = {"axis_coupling"}
+BY_THEMSELVES = {"axis_coupling", "friction_asymmetry"}
 """Effects each of whose parameters is a strength by itself: the one that stands out most says how strong they are."""
 WITHOUT_VOLTAGE = {"thermal_drift": "to 1/(1 + {resistance_rise}) of the cold torque"}
 """The same on drives whose current does not depend on the resistance: what falls there is the torque of the command."""

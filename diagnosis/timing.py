@@ -7,6 +7,7 @@ another gain, by the square of step times frequency.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +37,8 @@ def timing_settled(problem: Problem, fitted: Fitted) -> Fitted:
     these come with a shift of half a step. At the end of its range a timing stands in for something else. Only what
     promises something to first order is fitted. A timing that is there stays where nothing else does as well: without
     it a fit may end elsewhere. It may have come with a law that has been replaced since, and the filter then keep the
-    exact fit from what that was to explain.
+    exact fit from what that was to explain. So it may where a timing is about to be taken: the exact fit may only have
+    stopped short.
     """
     cost = (float(np.log(fitted.samples)) + LEAST) * problem.joints
     exact = _timed(problem, fitted, free=False, euler=False)
@@ -57,7 +59,15 @@ def timing_settled(problem: Problem, fitted: Fitted) -> Fitted:
     else:
         found = [(asking, first), *((tried(*kind), kind) for kind in further)]
         options = [(other, cost * sum(kind)) for other, kind in found if other is not None and _inside(other)] + known
-    return min([(exact, 0.0), *options], key=lambda option: option[0].criterion + option[1])[0]
+    best = _cheapest([(exact, 0.0), *options])
+    if best is exact or is_timed(fitted):
+        return best
+    return _cheapest([(in_turns(problem, exact), 0.0), *options])
+
+
+def _cheapest(options: Sequence[tuple[Fitted, float]]) -> Fitted:
+    """The fit with the least criterion and price."""
+    return min(options, key=lambda option: option[0].criterion + option[1])[0]
 
 
 def promises(problem: Problem, exact: Fitted) -> dict[tuple[bool, bool], float]:

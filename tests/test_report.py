@@ -421,12 +421,13 @@ def test_a_law_is_as_strong_as_all_its_levels_say() -> None:
     assert both == "Stribeck friction of 6.90 ± 0.10 N m, 8.40 ± 0.10 N m from rest"
 
 
-def test_a_coupling_is_as_strong_as_the_parameter_that_stands_out_most() -> None:
+@pytest.mark.parametrize("name", ["axis_coupling", "friction_asymmetry"])
+def test_several_strengths_are_as_strong_as_the_one_that_stands_out_most(name: str) -> None:
     weak = ParameterEstimate("velocity", Estimate(8e-4, 4e-4, "N m s/rad"), Estimate(2e-4, 1e-4, "V s/rad"))
     strong = ParameterEstimate("motor_torque", Estimate(-0.166, 7e-4, "1"), Estimate(-0.166, 7e-4, "1"))
     for parameters in ((weak, strong), (strong, weak)):
-        coupling = replace(friction(1), name="axis_coupling", parameters=parameters)
-        assert plain(describe(coupling)) == "axis coupling of −0.1660 ± 0.0007"
+        said = plain(describe(replace(friction(1), name=name, parameters=parameters)))
+        assert said == f"{name.replace('_', ' ')} of −0.1660 ± 0.0007"
 
 
 def test_heat_acts_on_the_torque_where_the_command_is_no_voltage() -> None:

@@ -133,6 +133,8 @@ class Effect:
         least as large, no log tells it from what it includes.
     neutral: for a more general form of an included law, the values of its further parameters with which both are the
         same.
+    undecided: of a more general form that is as plausible as the included law, mean and standard deviation of each of
+        its further parameters before any log is seen: where logs do not tell the two apart, both are in the deviations.
     drives: whether the motor torque enters its law, which a function of its own shows by itself.
     scatters: whether small causes grow in it, as in impacts, so that what noise leaves depends on the motion.
     turns: whether its law is the same again a turn of 2 pi further.
@@ -162,6 +164,7 @@ class Effect:
     across: Callable[[Sequence[float]], Sequence[tuple[float, ...]]] | None = None
     includes: tuple[str, ...] = ()
     neutral: tuple[float, ...] = ()
+    undecided: tuple[tuple[float, float], ...] = ()
     exchanges: str = ""
     replaces: str = ""
     resolved: Callable[[Sequence[float], Scales], bool] | None = None

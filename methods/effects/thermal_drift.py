@@ -43,10 +43,12 @@ COPPER = replace(
     includes=("thermal_drift",),
     excludes=("thermal_drift",),
     neutral=(0.0,),
+    undecided=((0.5, 0.5),),
     after=("thermal_drift",),
     starts=lambda s: [(0.02, s.duration, 1.0)],
 )
-"""Copper losses grow with the resistance that they heat, which shows where it rises by a third."""
+"""Copper losses grow with the resistance that they heat, which shows where it rises by a third; where it rises less,
+they look like heat that does not grow, with a time constant that is longer by the rise."""
 STEADY = replace(
     EFFECT,
     name="thermal_drift_steady",

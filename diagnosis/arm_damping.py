@@ -66,7 +66,7 @@ def _settled(
     if best.criterion + cost >= fitted.criterion:
         return fitted
     further = free_of_filter(problem, fitted.point)  # without it a fit may have stopped short as well
-    back = fit(problem, _taken_back(best.point, name, joints), best.whitener, rounds=2, iterations=6)
+    back = fit(problem, taken_back(best.point, name, joints), best.whitener, rounds=2, iterations=6)
     whole = min(fitted, further, back, key=lambda option: option.criterion)
     return best if best.criterion + cost < whole.criterion else whole
 
@@ -93,10 +93,10 @@ def undivided(problem: Problem, point: Point) -> Point:
     free, joints = {f.name for f in point.free}, range(problem.joints)
     whole = [j for j in joints if f"arm_viscous@{j}" in free and not _is_split(problem, point, j)]
     smooth = [j for j in joints if f"arm_friction@{j}" in free and not rubs(problem, point, j)]
-    return _taken_back(_taken_back(point, "arm_viscous", whole), "arm_friction", smooth)
+    return taken_back(taken_back(point, "arm_viscous", whole), "arm_friction", smooth)
 
 
-def _taken_back(point: Point, name: str, joints: Sequence[int]) -> Point:
+def taken_back(point: Point, name: str, joints: Sequence[int]) -> Point:
     """The point with a nominal parameter of the arm's side back on the motor's."""
     if not joints:
         return point

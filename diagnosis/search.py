@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from diagnosis.arm_damping import on_arms_side, rubbing_behind, rubs
+from diagnosis.arm_damping import on_arms_side, rubbing_behind, rubs, taken_back
 from diagnosis.estimation import Fitted, Point, errors, fit, plain, scatters, sensitivities
 from diagnosis.first_fits import across, first_fits, further, on_all_samples, retuned, seen_in_part
 from diagnosis.glance import Glance, can_be_glanced_at, glance
@@ -53,6 +53,8 @@ LIGHTER = (1.0, 0.8)
 """Shares of the inertia of a joint without a play with which that is done."""
 CLOSE = 0.75
 """Share of the best first fit's decrease from which a hypothesis is fitted to all samples, where a part is enough."""
+NONE_BEHIND = 0.01
+"""Share of friction behind a spring or a play up to which it may as well be on the motor's side."""
 NEAR = 0.9
 """Share of the best decrease above which a hypothesis counts as its near equal."""
 
@@ -391,10 +393,23 @@ def _converged(
             lambda item: polish(problem, base, item[0], 6) if item[1] else item[0], zip(final, near, strict=True)
         )
     final += each(lambda s: unstuck(problem, base, s), stuck(problem, final))
+    final = [on_the_motors_side(problem, base, scored) for scored in final]
     best: dict[tuple[str, int], Scored] = {}
     for scored in sorted([*final, *rough], key=lambda s: -s.evidence):
         best.setdefault((scored.name, scored.start.hypothesis.joint), scored)
     return list(best.values())
+
+
+def on_the_motors_side(problem: Problem, base: Fitted, scored: Scored) -> Scored:
+    """A law of friction that was begun behind a spring or a play, as one of the motor's side where it has ended there:
+    it has a parameter less."""
+    hypothesis, point = scored.start.hypothesis, scored.fitted.point
+    if not hypothesis.behind or point.value(f"arm_friction@{hypothesis.joint}") > NONE_BEHIND:
+        return scored
+    before = taken_back(point, "arm_friction", [hypothesis.joint])
+    fitted = fit(problem, before, scored.fitted.whitener, rounds=1, iterations=4)
+    other = score(problem, base, replace(scored.start, hypothesis=replace(hypothesis, behind=False)), fitted)
+    return max(scored, other, key=lambda s: s.evidence)
 
 
 def best_forms(scored: Iterable[Scored]) -> dict[tuple[str, int], Scored]:

@@ -95,10 +95,12 @@ def test_what_acts_on_both_links_is_found_as_one_arms(
     structure = JointStructure(input="torque", gravity="pendulum" if pull[1] == GRAVITY else "none")
     finding = find(problem, (structure, structure), CANDIDATES, held_out=held_out)
     assert finding.verdict == "named"
-    assert {(item.name, item.joint) for item in finding.accepted} == set(expected)
-    for item in finding.accepted:
+    # on the first link both forms of a tilt are the same
+    found = {(item.name if item.joint else item.label, item.joint): item for item in finding.accepted}
+    assert found.keys() == expected.keys()
+    for place, item in found.items():
         values = finding.final.point.parameters[0, item.joint, KERNEL.own(item.effect)]
-        assert values == pytest.approx(expected[item.name, item.joint], rel=0.01, abs=0.01)
+        assert values == pytest.approx(expected[place], rel=0.01, abs=0.01)
     if load == 0.0:  # the second link's angle is the sum of both joints'
         drawn = [partial_residuals(problem, finding, j, JointUnits("torque", "rad"))[0] for j in (0, 1)]
         assert [part.signal for part in drawn] == ["position", "angle of the link"]

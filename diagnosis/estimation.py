@@ -331,7 +331,7 @@ def bounded_step(matrix: Array, gradient: Array, lower: Array, upper: Array) -> 
     What would go beyond a bound stays there, and the others take the best step beside it: if all went their way as if
     there were no bound, a valley that leads along it could only be followed in small steps.
     """
-    root = np.sqrt(np.diag(matrix))
+    root = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled, step = matrix / np.outer(root, root), np.zeros(len(gradient))
     moving = np.ones(len(gradient), dtype=bool)
     while np.any(moving):

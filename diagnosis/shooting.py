@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point, errors
+from diagnosis.estimation import Fitted, Point, bounded_step, errors
 from diagnosis.glance import can_be_cut
 from diagnosis.problem import Free, Problem
 from diagnosis.replay import begun
@@ -169,6 +169,7 @@ def agreed(pieces: Pieces) -> Agreement:
     problem, point = pieces.problem, replace(pieces.point, free=pieces.free)
     centre = np.array([f.centre for f in pieces.free])
     certainty = np.array([f.deviation for f in pieces.free]) ** -2.0
+    lower, upper = np.array([(f.lower, f.upper) for f in pieces.free]).T
     observed = _state_of(pieces.point)
     held = 1.0 / np.tile(pieces.size.ravel(), (problem.logs, 1)) ** 2
     error = errors(problem, [point])[0]
@@ -186,9 +187,10 @@ def agreed(pieces: Pieces) -> Agreement:
         count = len(pieces.free)
         gradient[:, count:] += held * (_state_of(point) - observed)
         prior = certainty * (point.vector - centre)
+        room = lower - point.vector, upper - point.vector
         trials = []
         for factor in FACTORS:
-            own, states = _step(gram, gradient, certainty, prior, held, damping * factor)
+            own, states = _step(gram, gradient, certainty, prior, held, damping * factor, room)
             moved = point.within(point.vector + own)
             trials.append((damping * factor, _at_states(moved, _state_of(point) + states)))
         outcomes = errors(problem, [trial for _, trial in trials])
@@ -245,16 +247,21 @@ def _blocks(problem: Problem, slopes: Array, error: Array) -> tuple[Array, Array
 
 
 def _step(
-    gram: Array, gradient: Array, certainty: Array, prior: Array, held: Array, damping: float
+    gram: Array,
+    gradient: Array,
+    certainty: Array,
+    prior: Array,
+    held: Array,
+    damping: float,
+    room: tuple[Array, Array],
 ) -> tuple[Array, Array]:
     """Damped step of the parameters (G,) and of the states of all pieces (K, S), these eliminated (Schur complement).
 
-    certainty (G,) and held (K, S): what is known beforehand of parameters and states.
+    certainty (G,) and held (K, S): what is known beforehand of parameters and states. room: least and largest step of
+    each parameter.
     """
     matrix, towards, mixed, inverse = _eliminated(gram, gradient, certainty, held, damping)
-    root = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    downhill = -(towards.sum(axis=0) + prior)
-    step = np.linalg.lstsq(matrix / np.outer(root, root), downhill / root, rcond=1e-13)[0] / root
+    step = bounded_step(matrix, towards.sum(axis=0) + prior, *room)
     rest = gradient[:, len(certainty) :] + np.einsum("kgs,g->ks", mixed, step)
     return step, -np.einsum("kst,kt->ks", inverse, rest)
 

@@ -181,7 +181,7 @@ def test_where_a_fit_stops_short_a_missing_effect_is_a_torque_as_no_amplifier_ha
     play: tuple[Problem, Fitted, Remainder],
 ) -> None:
     assert play[2].disturbance_share < Settings().disturbance
-    assert without_its_cable(0.5).disturbance_share > 2.0 * Settings().disturbance
+    assert without_its_cable(1.0).disturbance_share > 2.0 * Settings().disturbance
 
 
 @pytest.mark.slow

@@ -72,8 +72,16 @@ def test_states_are_eliminated_as_if_all_were_solved_for_at_once() -> None:
     matrix = every @ every.T + np.diag([*certainty, *held.ravel()])
     matrix[np.diag_indices_from(matrix)] *= 1.0 + damping
     solved = -np.linalg.solve(matrix, every @ errs.ravel() + np.concatenate([prior, np.zeros(pieces * size)]))
-    own, states = _step(gram, gradient, certainty, prior, held, damping)
+    anywhere = np.full(count, -np.inf), np.full(count, np.inf)
+    own, states = _step(gram, gradient, certainty, prior, held, damping, anywhere)
     np.testing.assert_allclose(np.concatenate([own, states.ravel()]), solved, rtol=1e-9)
+    nearer = 0.5 * own[0]  # where the first parameter meets a bound, all others and the states go with it
+    right = every @ errs.ravel() + np.concatenate([prior, np.zeros(pieces * size)])
+    beside = -np.linalg.solve(matrix[1:, 1:], right[1:] + matrix[1:, 0] * nearer)
+    ends = np.sort([nearer, -nearer])
+    room = np.array([ends[0], *anywhere[0][1:]]), np.array([ends[1], *anywhere[1][1:]])
+    own, states = _step(gram, gradient, certainty, prior, held, damping, room)
+    np.testing.assert_allclose(np.concatenate([own, states.ravel()]), [nearer, *beside], rtol=1e-9)
 
 
 @pytest.mark.slow

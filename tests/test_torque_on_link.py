@@ -65,4 +65,4 @@ def test_a_spring_is_found_where_the_rest_of_the_arm_pulls_behind_it() -> None:
     assert found["inertia"] == pytest.approx(MOTOR + LINK, rel=2e-3)
     assert found["joint_flexibility.inertia_ratio"] == pytest.approx(LINK / (MOTOR + LINK), rel=2e-3)
     assert found["joint_flexibility.frequency"] == pytest.approx(9.0, rel=2e-3)
-    assert np.std(fitted.error[problem.used]) < 1e-3 * np.std(position)
+    assert np.sqrt(np.mean(fitted.innovation**2)) < 2.0 * STEP / np.sqrt(12.0)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, finish, fit
-from diagnosis.problem import Free, Problem
+from diagnosis.problem import MECHANICAL, Free, Problem
 from diagnosis.turns import free_of_filter, in_turns
 from methods.effects.base import Effect
 from methods.kernel import DAMPING, NOMINAL, acts_on_either_side
@@ -75,7 +75,8 @@ def arm_damping_open(problem: Problem, fitted: Fitted) -> Fitted:
     """The fit with mechanical damping on both sides of every spring and play, whatever it gains.
 
     Logs that do not tell how damping is divided tell the spring and the winding less well, too: that is in the
-    deviations of all parameters only where the division is one of them.
+    deviations of all parameters only where the division is one of them. From a voltage to the motor's angle it is one
+    number more than there are, so that it is known by half of the damping, as the motor's part is.
     """
     names = {f.name for f in fitted.point.free}
     joints = [
@@ -84,6 +85,9 @@ def arm_damping_open(problem: Problem, fitted: Fitted) -> Fitted:
     if problem.pair or not joints:
         return fitted
     begun = on_arms_side(fitted.point, joints, 0.0, 0.0)
+    opened = {f"arm_viscous@{j}" for j in joints}
+    free = (replace(f, deviation=MECHANICAL * f.scale) if f.name in opened else f for f in begun.free)
+    begun = replace(begun, free=tuple(free))
     best = fit(problem, begun, fitted.whitener, iterations=12)
     return best if best.criterion < fitted.criterion else finish(problem, begun, fitted.error, fitted.whitener)
 

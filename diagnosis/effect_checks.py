@@ -17,7 +17,7 @@ from typing import get_args
 import numpy as np
 
 from diagnosis.engine import find
-from diagnosis.estimation import Point, errors
+from diagnosis.estimation import Point, errors, undetermined
 from diagnosis.finding import Finding
 from diagnosis.hypotheses import Hypothesis, extend, sizes_of
 from diagnosis.isolability import shapes
@@ -397,7 +397,7 @@ def recovers_itself(subject: EffectSubject) -> None:
     accepted = [item for item in finding.accepted if item.name == effect.name]
     if not accepted:
         raise CheckFailed(f"with the parameters {_shown(values)} it is not named (verdict {finding.verdict})")
-    spread = np.sqrt(np.maximum(np.diag(finding.final.covariance), 0.0))
+    spread = np.sqrt(np.maximum(np.diag(finding.final.covariance + undetermined(finding.final)), 0.0))
     names = [free.name for free in finding.final.point.free]
     for parameter, true in zip(effect.parameters, values, strict=True):
         name = next(n for n in names if n.startswith(f"{effect.name}.{parameter.name}@"))

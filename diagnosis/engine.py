@@ -35,7 +35,7 @@ from diagnosis.competition import (
     other_laws,
     simpler_rivals,
 )
-from diagnosis.estimation import Fitted, errors, fit, scatters
+from diagnosis.estimation import Fitted, errors, fit, measured_precisely, scatters
 from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, stood_for
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, hopped, with_laws
@@ -938,7 +938,7 @@ class Search:
             said,
             nominal,
             tuple(accepted),
-            base,
+            measured_precisely(problem, base) if accepted else base,
             left,
             path.steps,
             refused=path.refused,

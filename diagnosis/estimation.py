@@ -196,6 +196,31 @@ def sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e
     Parameters that live in different logs are perturbed together, since they cannot touch the same samples. Those
     before `first` are left out: (P - first, T, n).
     """
+    return _slopes(problem, point, error, _forward(point, step), first)
+
+
+def precise_sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e-3) -> Array:
+    """The same to second order, by central differences, or by two on one side at a bound.
+
+    Where parameters can nearly stand in for one another, what is left of their difference is of the second order: a
+    forward difference may err by more than that, and the parameters then seem far more certain than they are.
+    """
+    vector, steps = point.vector, _forward(point, step)
+    lower, upper = np.array([(f.lower, f.upper) for f in point.free]).T
+    central = (vector - steps >= lower) & (vector - steps <= upper)
+    one = _slopes(problem, point, error, steps)
+    other = _slopes(problem, point, error, np.where(central, -steps, 2.0 * steps))
+    return np.where(central[:, None, None], 0.5 * (one + other), 2.0 * one - other)
+
+
+def _forward(point: Point, step: float) -> Array:
+    """Steps (P,) of the free parameters, of their sizes; backwards where the bound is near."""
+    steps = np.array([step * f.scale for f in point.free])
+    return np.where(point.vector + steps > np.array([f.upper for f in point.free]), -steps, steps)
+
+
+def _slopes(problem: Problem, point: Point, error: Array, steps: Array, first: int = 0) -> Array:
+    """Differences (P - first, T, n) of the prediction error over steps (P,) of the free parameters."""
     groups: dict[tuple, list[int]] = {}
     for i, f in enumerate(point.free):
         if i < first:
@@ -203,8 +228,6 @@ def sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e
         key = (f.kind, f.joint, f.column) if f.log >= 0 else (f.kind, f.joint, f.column, i)
         groups.setdefault(key, []).append(i)
     vector = point.vector
-    steps = np.array([step * f.scale for f in point.free])
-    steps = np.where(vector + steps > np.array([f.upper for f in point.free]), -steps, steps)
     moved = []
     for members in groups.values():
         shifted = vector.copy()
@@ -420,6 +443,13 @@ def finish(
     )
 
 
+def measured_precisely(problem: Problem, fitted: Fitted) -> Fitted:
+    """The same fit with sensitivities of second order, by which its covariance is right also where parameters can
+    nearly stand in for one another."""
+    slopes = precise_sensitivities(problem, fitted.point, fitted.error)
+    return finish(problem, fitted.point, fitted.error, fitted.whitener, fitted.iterations, slopes=slopes)
+
+
 def rounding_floor(problem: Problem) -> Array:
     """A quarter of the variance of the encoder's rounding, per joint (n,), whatever the filter.
 
@@ -450,13 +480,13 @@ def covariance(fitted: Fitted, least: Mapping[str, float] = MappingProxyType({})
 def undetermined(fitted: Fitted) -> Array:
     """Covariance (P, P) along those directions of the free parameters that the data do not determine at all.
 
-    Along each the parameters may be anywhere in their range, and where that is not bounded off by any number. The
-    inverse information, a pseudo-inverse, is silent about it.
+    Along each the parameters may be anywhere in their range, or within what is known of them beforehand, and where
+    neither says anything off by any number. The inverse information, a pseudo-inverse, is silent about it.
     """
     gram = fitted.jacobian @ fitted.jacobian.T + np.diag([f.deviation**-2.0 for f in fitted.point.free])
     size = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
     values, axes = np.linalg.eigh(gram * np.outer(size, size))
-    most = np.array([min((f.upper - f.lower) / math.sqrt(12.0), FAR * f.scale) for f in fitted.point.free])
+    most = np.array([min((f.upper - f.lower) / math.sqrt(12.0), FAR * f.scale, f.deviation) for f in fitted.point.free])
     found = np.zeros_like(gram)
     for axis in axes.T[values < SINGULAR * values[-1]]:
         way = size * axis

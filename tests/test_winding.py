@@ -7,10 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from diagnosis.estimation import Fitted, fit
+from diagnosis.arm_damping import arm_damping_open
+from diagnosis.estimation import Fitted, finish, fit, measured_precisely, sensitivities, undetermined
 from diagnosis.hypotheses import Hypothesis, extend, withdraw
 from diagnosis.nominal import JointStructure, damping_settled, fit_nominal
-from diagnosis.problem import Problem, stack
+from diagnosis.problem import MECHANICAL, Problem, stack
 from envs.log import Array, JointFacts, Log
 from methods.base import State
 from methods.effects import built_in
@@ -109,6 +110,30 @@ def test_a_spring_tells_the_share_though_another_was_stated() -> None:
     also = extend(problem, found.point, Hypothesis(NAMED["quadratic_drag"], 0), np.full((problem.logs, 1), 0.01))
     fewer = withdraw(problem, also, "quadratic_drag", 0)
     assert fewer.value("viscous@0") == found.point.value("viscous@0")
+
+
+def test_deviations_are_those_of_parameters_that_stand_in_for_one_another() -> None:
+    """Behind a spring back-EMF and friction on either side do so but for a little, less than what forward differences
+    over a thousandth of each are wrong by."""
+    problem = recorded(is_sprung=True)
+    known = JointStructure(viscous_share=0.4, inertia=INERTIA, electrical_time_constant=WINDING)
+    point = fit_nominal(problem, (known,)).point
+    point.parameters[:, 0, :4] = INERTIA, VISCOUS, BACK_EMF, WINDING
+    values = np.tile(list(SPRUNG["joint_flexibility"].values()), (problem.logs, 1))
+    point = extend(problem, point, Hypothesis(NAMED["joint_flexibility"], 0), values)
+    found = arm_damping_open(problem, damping_settled(problem, fit(problem, point, iterations=12)))
+    fine = sensitivities(problem, found.point, found.error, step=1e-6)
+    told = finish(problem, found.point, found.error, found.whitener, slopes=fine)
+    names = [f.name for f in found.point.free]
+    deviations = [
+        dict(zip(names, np.sqrt(np.diag(own.covariance + undetermined(own))), strict=True))
+        for own in (found, measured_precisely(problem, found), told)
+    ]
+    for name in ("back_emf@0", "arm_viscous@0", "joint_flexibility.inertia_ratio@0"):
+        forward, precise, true = (own[name] for own in deviations)
+        assert precise == pytest.approx(true, rel=0.3)
+        assert forward < 0.1 * true
+    assert deviations[1]["arm_viscous@0"] < 1.1 * MECHANICAL * (VISCOUS + BACK_EMF)  # as is known beforehand
 
 
 @pytest.mark.parametrize(("winding", "most"), [(0.009, 0.002), (0.003, 0.003)])

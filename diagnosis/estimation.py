@@ -52,9 +52,14 @@ class Point:
                 parameters[:, f.joint, f.column] = value
         return replace(self, parameters=parameters, rigid=rigid, starts=starts)
 
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Least and largest values (P,) of the free parameters."""
+        return np.array([f.lower for f in self.free]), np.array([f.upper for f in self.free])
+
     def within(self, vector: Array) -> Point:
         """The same with each value at its bound where it lies beyond."""
-        return self.at(np.clip(vector, [f.lower for f in self.free], [f.upper for f in self.free]))
+        return self.at(np.clip(vector, *self.bounds))
 
     @property
     def values(self) -> dict[str, float]:
@@ -196,7 +201,7 @@ def sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e
     Parameters that live in different logs are perturbed together, since they cannot touch the same samples. Those
     before `first` are left out: (P - first, T, n).
     """
-    return _slopes(problem, point, error, _forward(point, step), first)
+    return _slopes(problem, point, error, forward_steps(point, step), first)
 
 
 def precise_sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e-3) -> Array:
@@ -205,18 +210,17 @@ def precise_sensitivities(problem: Problem, point: Point, error: Array, step: fl
     Where parameters can nearly stand in for one another, what is left of their difference is of the second order: a
     forward difference may err by more than that, and the parameters then seem far more certain than they are.
     """
-    vector, steps = point.vector, _forward(point, step)
-    lower, upper = np.array([(f.lower, f.upper) for f in point.free]).T
+    vector, steps, (lower, upper) = point.vector, forward_steps(point, step), point.bounds
     central = (vector - steps >= lower) & (vector - steps <= upper)
     one = _slopes(problem, point, error, steps)
     other = _slopes(problem, point, error, np.where(central, -steps, 2.0 * steps))
     return np.where(central[:, None, None], 0.5 * (one + other), 2.0 * one - other)
 
 
-def _forward(point: Point, step: float) -> Array:
-    """Steps (P,) of the free parameters, of their sizes; backwards where the bound is near."""
+def forward_steps(point: Point, step: float) -> Array:
+    """Steps (P,) of finite differences, as a share of each free parameter's size; backwards where its bound is near."""
     steps = np.array([step * f.scale for f in point.free])
-    return np.where(point.vector + steps > np.array([f.upper for f in point.free]), -steps, steps)
+    return np.where(point.vector + steps > point.bounds[1], -steps, steps)
 
 
 def _slopes(problem: Problem, point: Point, error: Array, steps: Array, first: int = 0) -> Array:
@@ -269,8 +273,7 @@ def fit(
     in a fit of one round that only has to tell hypotheses apart.
     """
     error = errors(problem, [point])[0]
-    lower = np.array([f.lower for f in point.free])
-    upper = np.array([f.upper for f in point.free])
+    lower, upper = point.bounds
     centre = np.array([f.centre for f in point.free])
     certainty = np.array([f.deviation for f in point.free]) ** -2.0
     first = 0 if known is None else len(known)

@@ -129,8 +129,9 @@ def point_at(problem: Problem, structures: tuple[JointStructure, ...], beside: E
         drive = float(np.sqrt(np.mean(np.concatenate(sides[j]) ** 2)))
         inertia = x[0] if x[0] > 0 else 0.1 * drive / rms[0]
         damping = max(x[1], 1e-3 * drive / rms[1])
-        share, size = (structure.viscous_share, structure.damping) if structure.input == "voltage" else (1.0, None)
-        size = size or damping
+        share, size = 1.0, damping
+        if structure.input == "voltage":
+            share, size = structure.viscous_share, structure.damping or damping
         parameters[:, j, COLUMN["torque_limit"]] = structure.torque_limit
         parameters[:, j, COLUMN["inertia"]] = inertia
         parameters[:, j, COLUMN["viscous"]] = share * size

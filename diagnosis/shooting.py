@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point, bounded_step, errors
+from diagnosis.estimation import Fitted, Point, bounded_step, errors, forward_steps
 from diagnosis.glance import can_be_cut
 from diagnosis.problem import Free, Problem
 from diagnosis.replay import begun
@@ -169,7 +169,7 @@ def agreed(pieces: Pieces) -> Agreement:
     problem, point = pieces.problem, replace(pieces.point, free=pieces.free)
     centre = np.array([f.centre for f in pieces.free])
     certainty = np.array([f.deviation for f in pieces.free]) ** -2.0
-    lower, upper = np.array([(f.lower, f.upper) for f in pieces.free]).T
+    lower, upper = point.bounds
     observed = _state_of(pieces.point)
     held = 1.0 / np.tile(pieces.size.ravel(), (problem.logs, 1)) ** 2
     error = errors(problem, [point])[0]
@@ -227,10 +227,8 @@ def _at_states(point: Point, states: Array) -> Point:
 
 def _slopes(pieces: Pieces, point: Point, error: Array) -> Array:
     """Derivatives (G + 4 n, T, n) of the errors by the parameters, and by the states of all pieces at once."""
-    vector = point.vector
-    steps = [STEP * f.scale for f in pieces.free]
-    steps = [-h if x + h > f.upper else h for h, x, f in zip(steps, vector, pieces.free, strict=True)]
-    moved = [point.at(vector + row) for row in np.diag(steps)]
+    steps = forward_steps(point, STEP)
+    moved = [point.at(point.vector + row) for row in np.diag(steps)]
     own = STEP * pieces.size.ravel()
     moved += [_at_states(point, _state_of(point) + row) for row in np.diag(own)]
     return (errors(pieces.problem, moved) - error) / np.array([*steps, *own])[:, None, None]

@@ -27,14 +27,16 @@ def left_undecided(
     as far as it is known beforehand (`Effect.undecided`); the deviations of what both describe then cover both."""
     found = list(accepted)
     for i, item in enumerate(found):
-        for form in effects:
-            if not form.undecided or form.label != item.label or item.name not in form.includes:
-                continue
-            fitted = _begun(problem, base, item, form)
-            if fitted.criterion < base.criterion + np.log(base.samples):
-                start = replace(item.scored.start, hypothesis=replace(item.scored.start.hypothesis, effect=form))
-                found[i], base = replace(item, scored=replace(item.scored, start=start, fitted=fitted)), fitted
-                break
+        contains = (form for form in effects if form.label == item.label and item.name in form.includes)
+        form = next((form for form in contains if form.undecided), None)
+        if form is None:
+            continue
+        fitted = _begun(problem, base, item, form)
+        if fitted.criterion >= base.criterion + np.log(base.samples):
+            continue
+        start = item.scored.start
+        start = replace(start, hypothesis=replace(start.hypothesis, effect=form))
+        found[i], base = replace(item, scored=replace(item.scored, start=start, fitted=fitted)), fitted
     return found, base
 
 

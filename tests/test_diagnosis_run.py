@@ -373,6 +373,7 @@ def test_what_the_robot_says_of_a_joint() -> None:
     numbers = given_numbers(robot, 1, log)
     # u = k q' at constant speed without friction: back-EMF over the amplifier's gain
     assert numbers["back_emf"] == pytest.approx(drive.torque_constant / drive.amplifier_gain.value)
+    assert known.damping == pytest.approx(numbers["viscous"] + numbers["back_emf"])
     unknown = structure(log, 1, None)
     assert (unknown.gravity, unknown.torque_limit) == ("none", 0.0)
     # ten times the inertia: of this robot no number is known
@@ -572,6 +573,9 @@ def test_what_logs_leave_open_is_said_to_be_open() -> None:
     others = np.delete(np.diag(undetermined(final)), own)
     assert np.all(others <= 1e-6 * np.diag(covariance(final)).max())
     assert not undetermined(nominal).any()
+    free = [replace(f, deviation=0.1) if i == own[1] else f for i, f in enumerate(final.point.free)]
+    exact = replace(final, jacobian=1e6 * final.jacobian, point=replace(final.point, free=tuple(free)))
+    assert np.sqrt(undetermined(exact)[own[1], own[1]]) == pytest.approx(0.1)  # as is known beforehand
 
 
 def test_pushes_in_all_logs_have_the_sign_that_they_have_in_each() -> None:

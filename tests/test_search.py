@@ -2653,6 +2653,19 @@ def test_a_timing_stays_where_a_fit_without_it_ends_elsewhere(monkeypatch: pytes
     assert timing_settled(problem, nominal) is far
 
 
+def test_a_timing_is_not_taken_where_an_exact_fit_has_only_stopped_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = problem_of({})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    short = replace(nominal, error=10.0 * nominal.error, innovation=10.0 * nominal.innovation)
+    timed = replace(nominal, error=2.0 * nominal.error, innovation=2.0 * nominal.innovation)
+    monkeypatch.setattr("diagnosis.timing._timed", lambda *given, free, euler: timed if free or euler else short)
+    monkeypatch.setattr("diagnosis.timing.promises", lambda *given: {(True, False): 1e4, (False, True): 0.0})
+    monkeypatch.setattr("diagnosis.timing.in_turns", lambda problem, fitted: fitted)
+    assert timing_settled(problem, short) is timed
+    monkeypatch.setattr("diagnosis.timing.in_turns", lambda problem, fitted: nominal)
+    assert timing_settled(problem, short) is nominal
+
+
 def test_a_timing_is_one_of_the_logs_samples_where_several_are_simulated_at_once() -> None:
     """A delay of 3.5 samples at 4 kHz passed for half a step of eight of them: nothing was named."""
     problem = problem_of({})

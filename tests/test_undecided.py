@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.estimation import Fitted, covariance, fit
+from diagnosis.engine import find
+from diagnosis.estimation import Fitted, covariance, fit, measured_precisely
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.nominal import JointStructure, fit_nominal
@@ -70,6 +71,16 @@ def test_both_forms_are_in_the_deviations(feedback: float) -> None:
     (again,), same = left_undecided(problem, after, [found], EFFECTS)
     assert again is found
     assert same is after
+
+
+def test_a_finding_leaves_the_form_undecided_and_its_covariance_is_precise() -> None:
+    problem = heated(1.0)
+    forms = [effect for effect in EFFECTS if effect.label == "thermal_drift"]
+    finding = find(problem, (JointStructure(electrical=False),), forms)
+    (item,) = finding.accepted
+    assert (finding.verdict, item.label) == ("named", "thermal_drift")
+    assert off(finding.final, item.name) < 2.5
+    assert np.array_equal(finding.final.jacobian, measured_precisely(problem, finding.final).jacobian)
 
 
 def test_a_form_that_does_worse_does_not_take_the_place() -> None:

@@ -66,6 +66,8 @@ class EffectPage:
     beaten: bool
 
 
+NOTHING = 10.0
+"""Ratio of deviation and value from which a share of the value says nothing."""
 HELPED = "Nothing of its own is missing; it errs by what the other joint of the pair lacks."
 """The same of a joint that lacks nothing of its own."""
 UNCERTAIN = (
@@ -264,7 +266,7 @@ def adequacy(joint: JointResult) -> list[str]:
     said = []
     known = [(p, relative_deviation(p)) for p in joint.nominal]
     good = [f"{quantities.title(p.name)} to {quantities.percent(share, 2)}" for p, share in known if share < 0.05]
-    poor = [f"{quantities.title(p.name)} ({quantities.percent(share, 2)})" for p, share in known if share >= 0.05]
+    poor = [f"{quantities.title(p.name)} ({deviation_said(p, share)})" for p, share in known if share >= 0.05]
     if good:
         said.append(f"The logs determine {enumerated(good)}.")
     if poor:
@@ -288,6 +290,13 @@ def relative_deviation(parameter: NominalParameter) -> float:
     """Standard deviation of a nominal parameter as a share of its value."""
     value = abs(parameter.final.value)
     return parameter.final.std / value if value > 0 else math.inf
+
+
+def deviation_said(parameter: NominalParameter, share: float) -> str:
+    """Standard deviation of a nominal parameter as a share of it; of one that is next to nothing beside it, both."""
+    if share < NOTHING:
+        return quantities.percent(share, 2)
+    return quantities.measured(parameter.final.value, parameter.final.std, parameter.unit)
 
 
 def p_value(p: float) -> str:

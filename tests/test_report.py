@@ -453,6 +453,15 @@ def test_an_effect_that_would_have_to_exceed_the_command_does_not_count_as_visib
     ]
 
 
+def test_a_parameter_that_may_be_nothing_has_its_deviation_in_its_own_unit() -> None:
+    joint = joint_result(1, "named", "log")
+    behind = nominal("arm_damping", "V s/rad", None, (0.0, 0.0), (0.0, 0.031))
+    winding = nominal("electrical_time_constant", "s", None, (0.004, 0.001), (0.004, 0.001))
+    said = [plain(line) for line in adequacy(replace(joint, nominal=(behind, winding)))]
+    expected = "arm damping (0.000 ± 0.031 V s/rad) and electrical time constant (25 %)"
+    assert f"Poorly determined, with relative standard deviation: {expected}." in said
+
+
 def test_hostile_names_are_text() -> None:
     diagnosis = example("named", log=HOSTILE)
     page = Page(render(diagnosis))

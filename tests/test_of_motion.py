@@ -41,7 +41,7 @@ def arm(effects: dict[str, dict[str, float]], noise: float, seed: int) -> Proble
     position = model.simulate(time, command + added, State.at_rest(np.zeros(2))).position
     facts = (JointFacts(encoder_step=STEP),) * 2
     log = Log(time, command, STEP * np.round(position / STEP), (1, 2), facts=facts, name="arm")
-    return stack(build((SPRING,)), [log], (1, 2), pair=True)
+    return stack(build(built_in()), [log], (1, 2), pair=True)
 
 
 def fitted(problem: Problem, start: tuple[float, float, float]) -> tuple[Scored, bool]:

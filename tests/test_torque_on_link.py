@@ -57,7 +57,7 @@ def test_a_spring_is_found_where_the_rest_of_the_arm_pulls_behind_it() -> None:
     facts = (JointFacts(input="torque", encoder_step=STEP),) * 2
     both = np.column_stack([command, np.zeros_like(command)]), np.column_stack([position, known])
     log = Log(time, *both, (1, 2), facts=facts, name="two masses")
-    problem = stack(build((SPRING,)), [log], (1,), arm=Known())
+    problem = stack(build(built_in()), [log], (1,), arm=Known())
     base = fit_nominal(problem, (JointStructure(input="torque", electrical=False),))
     start = extend(problem, base.point, Hypothesis(SPRING, 0), np.array([[0.5, 10.0, 0.05]]))
     fitted = fit(problem, start, rounds=3, iterations=12)

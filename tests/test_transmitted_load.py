@@ -57,7 +57,7 @@ def test_the_load_that_the_arm_is_decides_the_friction() -> None:
     kinds = (LAW, "coulomb_friction", "stribeck_friction", "amplifier_offset")
     effects = tuple(effect for effect in built_in() if effect.label in kinds)
     joint = JointStructure(input="torque", electrical=False, gravity="pendulum")
-    finding = find(stack(build(effects), [record(0), record(1)], (1,)), (joint,), effects)
+    finding = find(stack(build(built_in()), [record(0), record(1)], (1,)), (joint,), effects)
     (item,) = finding.accepted
     assert item.label == LAW
     found = {name: finding.final.point.value(f"{item.name}.{name}@0") for name in ("coefficient", "link_share")}

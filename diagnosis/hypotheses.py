@@ -412,7 +412,7 @@ def adjoint(problem: Problem, base: Fitted, joint: int) -> Adjoint:
     answer. The weakest response of those that are no weaker than their mean square is taken.
     """
     length = min(int(RINGING / problem.sample_time), int(np.min(np.diff(problem.bounds))) // 2)
-    at = _struck(problem, np.abs(predicted_motion(problem, base.point)[:, joint, 1]), length)
+    at = struck(problem, np.abs(predicted_motion(problem, base.point)[:, joint, 1]), length)
     size = 0.05 * float(np.sqrt(np.mean(problem.command[:, joint] ** 2))) + 1e-12
     extra = np.zeros((len(at) + 1, len(problem.time), problem.joints))
     extra[np.arange(len(at)), at, joint] = size
@@ -426,7 +426,7 @@ def adjoint(problem: Problem, base: Fitted, joint: int) -> Adjoint:
     return matched(problem, base, joint, responses[chosen])
 
 
-def _struck(problem: Problem, speed: Array, length: int) -> list[int]:
+def struck(problem: Problem, speed: Array, length: int) -> list[int]:
     """Instants of pulses: where the speed (T,) is largest early in each of the windows of so many samples in which the
     joint moves most."""
     found = []

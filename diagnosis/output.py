@@ -30,6 +30,7 @@ def as_dict(diagnosis: Diagnosis) -> dict[str, Any]:
             "excess": sum(joint.remainder_excess for joint in diagnosis.joints),
             "dependences": [{"joint": j.joint, **asdict(d)} for j in diagnosis.joints for d in j.remainder],
             "waves": [{"joint": j.joint, **asdict(j.wave)} for j in diagnosis.joints if j.wave is not None],
+            "command_steps": [{"joint": j.joint, **asdict(j.coarse)} for j in diagnosis.joints if j.coarse is not None],
             "drifts": [
                 {"joint": j.joint, **asdict(d), "certain": d.is_certain} for j in diagnosis.joints for d in j.drifts
             ],

@@ -20,13 +20,12 @@ from typing import Literal
 import numpy as np
 from scipy.signal import detrend
 
-from diagnosis.encoder_waves import READINGS
 from diagnosis.estimation import Fitted, Point, errors
 from diagnosis.finding import Accepted, Finding
 from diagnosis.nominal import COLUMN
 from diagnosis.parameters import JointUnits
 from diagnosis.problem import Problem, smooth_derivatives
-from diagnosis.remainder import Remainder
+from diagnosis.remainder import OWN_SENTENCE, Remainder
 from diagnosis.replay import input_equivalent
 from diagnosis.result import PartialResidual, Quantiles
 from envs.log import Array
@@ -50,7 +49,7 @@ def partial_residuals(problem: Problem, finding: Finding, joint: int, units: Joi
 
 def _signals_left(left: Remainder) -> list[str]:
     """The strongest dependences; velocity and position where there are none, to show that nothing is there."""
-    real = [d.signal for d in left.dependences if d.p_value < 1e-3 and d.signal != READINGS]
+    real = [d.signal for d in left.dependences if d.p_value < 1e-3 and d.signal not in OWN_SENTENCE]
     chosen = list(dict.fromkeys("velocity" if name == "direction" else name for name in real))
     return (chosen or ["velocity", "position"])[:SHOWN_DEPENDENCES]
 

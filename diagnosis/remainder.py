@@ -20,6 +20,7 @@ from scipy.linalg import cho_solve
 from scipy.ndimage import grey_closing
 from scipy.stats import chi2
 
+from diagnosis.command_steps import COMMAND_STEPS, CommandSteps, command_steps
 from diagnosis.encoder_waves import READINGS, STEPS, Wave, bumps, encoder_wave
 from diagnosis.estimation import Fitted, errors, predicted_motion, scatters, sensitivities, sticks
 from diagnosis.hypotheses import adjoint
@@ -56,7 +57,9 @@ DISTURBANCE = 0.03
 AMPLIFIER = 1.5e-3
 """The same as a share of the largest command: amplifiers are that noisy."""
 RATHER = 2.0
-"""What errors of the readings have to explain over what all torques of the remainder do."""
+"""What errors of the readings, or steps of the command, have to explain over what all torques of the remainder do."""
+OWN_SENTENCE = (READINGS, COMMAND_STEPS)
+"""Signals on which no torque depends smoothly."""
 LUCKY = 0.5
 """Share of what noise lets all functions of the remainder explain that it may let one effect explain."""
 
@@ -102,7 +105,8 @@ class Remainder:
     free parameters, by their names. wave: one of the readings over the position (`diagnosis.encoder_waves`). rounded:
     whether the innovations are little else than the encoder's rounding, which is not independent of a slow motion, nor
     of rest. misread: decrease beyond what noise would give that errors of the readings over the position bring, where
-    torques bring far less of it.
+    torques bring far less of it. coarse: steps of the command by which its torque goes, where torques bring far less;
+    coarsened: what they bring beyond what noise would give.
     """
 
     dependences: tuple[Dependence, ...]
@@ -120,6 +124,8 @@ class Remainder:
     rounded: bool = False
     impacts: bool = False
     misread: float = 0.0
+    coarse: CommandSteps | None = None
+    coarsened: float = 0.0
 
     @property
     def growth(self) -> float:
@@ -231,6 +237,10 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     whole = fitted.gain(every) - base
     misread, excess = misreading(problem, fitted, joint, scatter, whole)
     found += [misread] if excess > 0.0 else []
+    steps, coarsened = coarseness(problem, fitted, joint, whole)
+    if steps is not None:
+        p = float(min(1.0, steps.searched * chi2.sf(steps.decrease, steps.functions)))
+        found.append(Dependence(COMMAND_STEPS, steps.decrease, steps.functions, p))
     return Remainder(
         tuple(sorted(found, key=lambda d: -d.decrease / d.functions)),
         whole,
@@ -245,7 +255,19 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         rounded=bool(fitted.variances[joint] < ROUNDING * problem.encoder_step**2),
         impacts=scatters(problem, fitted.point, joint),
         misread=excess,
+        coarse=steps,
+        coarsened=coarsened,
     )
+
+
+def coarseness(problem: Problem, fitted: Fitted, joint: int, torques: float) -> tuple[CommandSteps | None, float]:
+    """Steps of the command that stand out, and what they explain beyond what noise does; None and 0 where torques
+    explain half as much, or small causes grow. torques: what all groups explain."""
+    steps = None if scatters(problem, fitted.point, joint) else command_steps(problem, fitted, joint)
+    if steps is None or steps.decrease < RATHER * torques:
+        return None, 0.0
+    excess = steps.decrease - by_chance(steps.functions) - 2.0 * float(np.log(steps.searched))
+    return (steps, excess) if excess > 0.0 else (None, 0.0)
 
 
 def misreading(

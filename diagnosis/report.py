@@ -16,7 +16,9 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from diagnosis import quantities
+from diagnosis.encoder_waves import READINGS
 from diagnosis.model_equations import SYMBOLS, Formula, model_equations
+from diagnosis.remainder import OWN_SENTENCE
 from diagnosis.result import (
     RAN_AWAY,
     Alternative,
@@ -108,6 +110,7 @@ class JointPage:
     figures: Mapping[str, Markup]
     left: tuple[Markup, ...]
     dependences: tuple[SignalDependence, ...]
+    misread: bool
     adrift: bool
 
 
@@ -176,7 +179,8 @@ def joint_page(diagnosis: Diagnosis, joint: JointResult) -> JointPage:
         symbols={p.name: Markup(equation(SYMBOLS[p.name], f"{slug}s{i}")) for i, p in enumerate(joint.nominal)},
         figures=joint_figures(joint, gap, ledger, threshold, slug),
         left=tuple(_partial(joint, part, f"{slug}r{i}") for i, part in enumerate(remainder)),
-        dependences=tuple(d for d in joint.remainder if d.p_value < SIGNIFICANT),
+        dependences=tuple(d for d in joint.remainder if d.p_value < SIGNIFICANT and d.signal not in OWN_SENTENCE),
+        misread=any(d.signal == READINGS for d in joint.remainder),
         adrift=is_adrift(ledger),
     )
 

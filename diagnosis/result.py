@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from diagnosis.command_steps import CommandSteps
 from diagnosis.encoder_waves import Wave
 from diagnosis.finding import Verdict
 from diagnosis.patchwork import Patchwork
@@ -283,7 +284,7 @@ class JointResult:
     refused: the hypotheses that were tried last and not accepted, best first. fails_by: how the model fails on data
     that nobody fitted, where only that says that it is wrong. patched: what the effects stand for together, where they
     are pieces of another law. drifts: how constant each parameter is within the logs and from one to the next. wave:
-    an error of the readings that is periodic in the position.
+    an error of the readings that is periodic in the position. coarse: steps to which the amplifier rounds its command.
     title: its name in the robot's description, if that says more than the number. beside: the number of the other joint
     of a planar pair, where the model has effects there. scattered: what noise alone would let a hypothesis explain
     beside the model, where small causes grow in it.
@@ -310,6 +311,7 @@ class JointResult:
     patched: Patchwork | None = None
     drifts: tuple[Drift, ...] = ()
     wave: Wave | None = None
+    coarse: CommandSteps | None = None
     title: str = ""
     beside: int | None = None
     scattered: float = 0.0

@@ -672,6 +672,7 @@ def joint_result(
         patched=finding.patched.get(j),
         drifts=left.drifts,
         wave=left.wave,
+        coarse=left.coarse,
         beside=next((solved.joints[item.joint] for item in finding.accepted if item.joint != j), None),
         scattered=finding.scattered,
     )

@@ -9,6 +9,7 @@ from io import StringIO
 
 from diagnosis.encoder_waves import READINGS
 from diagnosis.quantities import measured, number, percent, plain, quantity, scale_for, title
+from diagnosis.remainder import OWN_SENTENCE
 from diagnosis.result import RAN_AWAY, Alternative, Diagnosis, Estimate, Gap, JointResult, NamedEffect
 
 HEADLINE = {
@@ -115,7 +116,7 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
             f"{named} {pieces.format(f' ({adding})' if adding else '')} {joint.patched.value} that no known effect is"
         )
     if joint.verdict == "unknown":
-        signals = [d.signal for d in joint.remainder[:2] if d.p_value < 1e-3 and d.signal != READINGS]
+        signals = [d.signal for d in joint.remainder[:2] if d.p_value < 1e-3 and d.signal not in OWN_SENTENCE]
         depends = f"; it depends on {' and '.join(signals)}" if signals else ""
         drifting = [d for d in joint.drifts if d.is_certain]
         if drifting and not signals:
@@ -124,6 +125,10 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
             turn = "revolution" if joint.position_unit == "rad" else f"{2 * math.pi:.3g} m"
             size = quantity(joint.wave.amplitude, joint.position_unit)
             depends = f"; the readings themselves err by {size}, {joint.wave.cycles:.4g} times per {turn}"
+        elif joint.coarse is not None:
+            depends = (
+                f"; the amplifier rounds its command to steps of {quantity(joint.coarse.width, joint.command_unit)}"
+            )
         elif any(d.signal == READINGS for d in joint.remainder):
             depends = "; the readings themselves err over the position"
         elif joint.fails_by is not None:

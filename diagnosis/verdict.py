@@ -50,9 +50,10 @@ def verdict(
     settings: Settings,
 ) -> Verdict:
     """none, named, ambiguous or unknown."""
-    misread = max(20.0, settings.minor * (nominal.criterion - final.criterion))
-    errs = any(r.wave is not None or r.misread > misread for r in left)  # the readings themselves
-    if errs or unexplained(problem, nominal.criterion - final.criterion, left, settings):
+    least = max(20.0, settings.minor * (nominal.criterion - final.criterion))
+    errs = any(r.wave is not None or r.misread > least for r in left)  # the readings themselves
+    rounds = any(r.coarsened > least for r in left)  # the amplifier its set point
+    if errs or rounds or unexplained(problem, nominal.criterion - final.criterion, left, settings):
         return "unknown"
     if any(item.rivals for item in accepted):
         return "ambiguous"

@@ -63,7 +63,7 @@ def is_the_same_everywhere(problem: Problem, fitted: Fitted, effect: Effect, joi
     """
     if problem.logs < 2:
         return False
-    if effect.name in PER_LOG and not _is_certain_everywhere(problem, fitted, effect, joint):
+    if effect.name in PER_LOG and not is_certain_everywhere(problem, fitted, effect, joint):
         return False
     decrease, functions = variation(problem, fitted, effect, joint)
     return decrease < functions + DEVIATIONS * np.sqrt(2.0 * functions)
@@ -75,7 +75,7 @@ def _amplitudes(fitted: Fitted, effect: Effect, joint: int) -> list[int]:
     return [i for i, f in enumerate(fitted.point.free) if f.joint == joint and f.name.partition("@")[0] in names]
 
 
-def _is_certain_everywhere(problem: Problem, fitted: Fitted, effect: Effect, joint: int) -> bool:
+def is_certain_everywhere(problem: Problem, fitted: Fitted, effect: Effect, joint: int) -> bool:
     """Whether the amplitudes in each log stand out of their deviations."""
     rows, values = np.array(_amplitudes(fitted, effect, joint)), fitted.point.vector
     logs = np.array([fitted.point.free[i].log for i in rows])

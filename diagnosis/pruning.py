@@ -11,7 +11,7 @@ import numpy as np
 from diagnosis.arm_damping import undivided
 from diagnosis.beginning import started
 from diagnosis.choice import materiality, tells_no_amplifier
-from diagnosis.constancy import is_the_same_everywhere, stands_apart
+from diagnosis.constancy import is_certain_everywhere, is_the_same_everywhere, stands_apart
 from diagnosis.estimation import Fitted, Point, covariance, errors, fit, plain
 from diagnosis.finding import Accepted
 from diagnosis.hypotheses import PER_LOG, extend, proposals, sizes_of, withdraw
@@ -233,7 +233,7 @@ def general(
     """Without effects that do not pay for themselves beside the others, weak ones that make data that nobody fitted
     less likely, or waves that make them likelier by less than a share of what they explain (their phase there is free
     to follow what else moves), and weak events that do not happen there: that one happens in one log only needs more
-    evidence.
+    evidence. So counts a wave whose phase every log has of its own and that does not stand out in each.
 
     A small one beside others counts as weak whatever its evidence: where small causes grow, or a law beside it is
     inexact, any law that shapes the fitted motion a little finds some. So does one beside torques of the rest of an
@@ -246,7 +246,10 @@ def general(
     small = settings.doubtful * explained
     before = cache(lambda: astray(held_out, elsewhere(held_out, nominal)))
     for item in sorted(accepted, key=lambda item: item.scored.evidence):
-        is_weak = item.scored.evidence <= settings.weak
+        is_free = item.effect.name in PER_LOG
+        is_weak = item.scored.evidence <= settings.weak or (
+            is_free and not is_certain_everywhere(problem, base, item.effect, item.joint)
+        )
         is_sure = not is_weak and problem.arm is None
         if is_sure and len(accepted) < 2:
             continue
@@ -262,7 +265,7 @@ def general(
         shows = (
             loss > item.scored.price
             and (not is_weak or happens(held_out, there.point, item.effect, item.joint))
-            and gain >= (KEPT * own_share if is_weak and item.effect.name in PER_LOG else 0.0)
+            and gain >= (KEPT * own_share if is_weak and is_free else 0.0)
             and (
                 problem.arm is None
                 or is_stated(item, base, smaller, settings)

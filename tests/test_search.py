@@ -2288,6 +2288,20 @@ def test_a_weak_wave_has_to_show_its_share_where_nobody_fitted() -> None:
             assert general(problem, held_out, nominal, [item], fitted, Settings())[0] == kept
 
 
+def test_a_wave_that_one_log_only_shows_has_to_show_where_nobody_fitted() -> None:
+    """However much evidence there is: what moves as the excitation of that log does is a line of that excitation."""
+    wave = {"periodic_disturbance": {"sine": 0.0, "cosine": 6e-3, "frequency": 2.2}}
+    noise = lambda seed: 3e-3 * np.random.default_rng(seed).standard_normal(5000)  # noqa: E731
+    for other, elsewhere_too, is_kept in (({}, False, False), ({}, True, True), (wave, False, True)):
+        problem = stack(KERNEL, [record(wave, noise(1)), record(other, noise(2))], (1,))
+        nominal = fit_nominal(problem, (JointStructure(),))
+        item = accepted(problem, nominal, "periodic_disturbance", [0.0, 6e-3, 2.2])
+        assert item.scored.evidence > 2.0 * Settings().weak
+        held_out = stack(KERNEL, [record(wave if elsewhere_too else {}, noise(3))], (1,))
+        kept = general(problem, held_out, nominal, [item], item.scored.fitted, Settings())[0]
+        assert kept == ([item] if is_kept else [])
+
+
 def test_beside_torques_of_an_arm_an_effect_brings_free_simulations_closer(monkeypatch: pytest.MonkeyPatch) -> None:
     """However much evidence there is: these torques are as inexact as the measured motion that they come from."""
     drag = {"quadratic_drag": {"coefficient": 0.02}}

@@ -5,7 +5,7 @@ noise in time, so that no smooth function of the log's signals explains it and a
 Over the command it is a wave with 1/D cycles per unit: the correlation of the innovations with a change of the command,
 as a function of the command itself, shows it as a line.
 
-Source of the law: B. Widrow, I. Kollar, Quantization Noise (2008), sections 4 and 20.
+Source of the law: B. Widrow, I. Kollar, Quantization Noise, Cambridge University Press (2008).
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ TRIED = 3
 """Lines whose waves are tried."""
 LUCKY = 6.0
 """How far a line has to stand out of noise beyond the highest of all that are searched."""
+NEAR = 0.5
+"""Share of what is asked that the line itself has to explain, before widths around it are tried."""
 PADDING = 4
 """Lines per width of one."""
 
@@ -51,26 +53,35 @@ class CommandSteps:
     searched: int
 
 
-def command_steps(problem: Problem, fitted: Fitted, joint: int) -> CommandSteps | None:
+def command_steps(problem: Problem, fitted: Fitted, joint: int, least: float = 0.0) -> CommandSteps | None:
     """The rounding of the command that explains most of the innovations, all parameters refitted to first order; None
-    where no line stands out, or the command has too few levels to tell."""
+    where no line stands out, none comes near the decrease that is asked at `least`, or the command has too few levels
+    to tell."""
     command = problem.command[:, joint]
     answer = command_answer(problem, fitted, joint)
     whitened = np.convolve(answer, fitted.whitener.coefficients[joint])[: len(answer)]
-    tool = matched(problem, fitted, joint, whitened)
-    cycles, height = lines(command, tool.correlation, resolution(command))
-    base, span = fitted.gain(fitted.jacobian), float(np.ptp(command))
-    found: list[CommandSteps] = []
+    cycles, height = lines(command, matched(problem, fitted, joint, whitened).correlation, resolution(command))
+    if not len(cycles):
+        return None
+    known, spacing = fitted.gain(fitted.jacobian), cycles[1] - cycles[0]
+
+    def steps(count: float) -> CommandSteps:
+        rows = waves_of(problem, fitted, joint, answer, 1.0 / count)
+        decrease = fitted.gain(np.vstack([fitted.jacobian, rows])) - known
+        return CommandSteps(float(1.0 / count), decrease, len(rows), len(cycles))
+
+    found, left = [], height.copy()
     for _ in range(TRIED):
-        first = int(np.argmax(height)) if len(height) else 0
-        if not len(height) or height[first] < np.log(len(height)) + LUCKY:
+        first = int(np.argmax(left))
+        if left[first] < np.log(len(cycles)) + LUCKY:
             break
-        height[max(0, first - PADDING) : first + PADDING + 1] = 0.0
-        for width in 1.0 / (cycles[first] + np.linspace(-1.0, 1.0, 9) / (PADDING * span)):
-            rows = waves_of(problem, fitted, joint, answer, width)
-            decrease = fitted.gain(np.vstack([fitted.jacobian, rows])) - base
-            found.append(CommandSteps(float(width), decrease, len(rows), len(height)))
-    return max(found, key=lambda steps: steps.decrease) if found else None
+        left[max(0, first - PADDING) : first + PADDING + 1] = 0.0
+        found.append(steps(cycles[first]))
+    best = max(found, key=lambda option: option.decrease, default=None)
+    if best is None or best.decrease < NEAR * least:
+        return None
+    around = 1.0 / best.width + spacing * np.linspace(-1.0, 1.0, 9)
+    return max(map(steps, around), key=lambda option: option.decrease)
 
 
 def resolution(command: Array) -> float:

@@ -263,8 +263,9 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
 def coarseness(problem: Problem, fitted: Fitted, joint: int, torques: float) -> tuple[CommandSteps | None, float]:
     """Steps of the command that stand out, and what they explain beyond what noise does; None and 0 where torques
     explain half as much, or small causes grow. torques: what all groups explain."""
-    steps = None if scatters(problem, fitted.point, joint) else command_steps(problem, fitted, joint)
-    if steps is None or steps.decrease < RATHER * torques:
+    least = RATHER * torques
+    steps = None if scatters(problem, fitted.point, joint) else command_steps(problem, fitted, joint, least)
+    if steps is None or steps.decrease < least:
         return None, 0.0
     excess = steps.decrease - by_chance(steps.functions) - 2.0 * float(np.log(steps.searched))
     return (steps, excess) if excess > 0.0 else (None, 0.0)

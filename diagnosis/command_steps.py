@@ -17,8 +17,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import fftconvolve
 
-from diagnosis.estimation import Fitted, errors, predicted_motion
-from diagnosis.hypotheses import RINGING, matched, struck
+from diagnosis.estimation import Fitted, errors
+from diagnosis.hypotheses import matched, peaks, pulses
 from diagnosis.problem import Problem
 from envs.log import Array
 
@@ -61,7 +61,8 @@ def command_steps(problem: Problem, fitted: Fitted, joint: int, least: float = 0
     answer = command_answer(problem, fitted, joint)
     whitened = np.convolve(answer, fitted.whitener.coefficients[joint])[: len(answer)]
     cycles, height = lines(command, matched(problem, fitted, joint, whitened).correlation, resolution(command))
-    if not len(cycles):
+    outstanding = [i for i in peaks(height, TRIED, PADDING) if height[i] >= np.log(len(cycles)) + LUCKY]
+    if not outstanding:
         return None
     known, spacing = fitted.gain(fitted.jacobian), cycles[1] - cycles[0]
 
@@ -70,15 +71,8 @@ def command_steps(problem: Problem, fitted: Fitted, joint: int, least: float = 0
         decrease = fitted.gain(np.vstack([fitted.jacobian, rows])) - known
         return CommandSteps(float(1.0 / count), decrease, len(rows), len(cycles))
 
-    found, left = [], height.copy()
-    for _ in range(TRIED):
-        first = int(np.argmax(left))
-        if left[first] < np.log(len(cycles)) + LUCKY:
-            break
-        left[max(0, first - PADDING) : first + PADDING + 1] = 0.0
-        found.append(steps(cycles[first]))
-    best = max(found, key=lambda option: option.decrease, default=None)
-    if best is None or best.decrease < NEAR * least:
+    best = max((steps(cycles[i]) for i in outstanding), key=lambda option: option.decrease)
+    if best.decrease < NEAR * least:
         return None
     around = 1.0 / best.width + spacing * np.linspace(-1.0, 1.0, 9)
     return max(map(steps, around), key=lambda option: option.decrease)
@@ -96,9 +90,7 @@ def command_answer(problem: Problem, fitted: Fitted, joint: int) -> Array:
 
     It is simulated, so that lags and dead times between command and torque are in it.
     """
-    length = min(int(RINGING / problem.sample_time), int(np.min(np.diff(problem.bounds))) // 2)
-    at = struck(problem, np.abs(predicted_motion(problem, fitted.point)[:, joint, 1]), length)[0]
-    size = 0.05 * float(np.sqrt(np.mean(problem.command[:, joint] ** 2))) + 1e-12
+    (at, *_), length, size = pulses(problem, fitted, joint)
     command = problem.command.copy()
     command[at, joint] += size
     error = errors(replace(problem, command=command), [fitted.point])[0]

@@ -411,9 +411,7 @@ def adjoint(problem: Problem, base: Fitted, joint: int) -> Adjoint:
     The pulses come where the joint is fast and moves most while the response lasts: one that friction holds would not
     answer. The weakest response of those that are no weaker than their mean square is taken.
     """
-    length = min(int(RINGING / problem.sample_time), int(np.min(np.diff(problem.bounds))) // 2)
-    at = struck(problem, np.abs(predicted_motion(problem, base.point)[:, joint, 1]), length)
-    size = 0.05 * float(np.sqrt(np.mean(problem.command[:, joint] ** 2))) + 1e-12
+    at, length, size = pulses(problem, base, joint)
     extra = np.zeros((len(at) + 1, len(problem.time), problem.joints))
     extra[np.arange(len(at)), at, joint] = size
     out = errors(problem, [base.point] * len(extra), extra=extra)[:, :, joint]
@@ -426,7 +424,14 @@ def adjoint(problem: Problem, base: Fitted, joint: int) -> Adjoint:
     return matched(problem, base, joint, responses[chosen])
 
 
-def struck(problem: Problem, speed: Array, length: int) -> list[int]:
+def pulses(problem: Problem, base: Fitted, joint: int) -> tuple[list[int], int, float]:
+    """Instants of pulses, best first, the samples for which a joint answers to one, and its size [command units]."""
+    length = min(int(RINGING / problem.sample_time), int(np.min(np.diff(problem.bounds))) // 2)
+    at = _struck(problem, np.abs(predicted_motion(problem, base.point)[:, joint, 1]), length)
+    return at, length, 0.05 * float(np.sqrt(np.mean(problem.command[:, joint] ** 2))) + 1e-12
+
+
+def _struck(problem: Problem, speed: Array, length: int) -> list[int]:
     """Instants of pulses: where the speed (T,) is largest early in each of the windows of so many samples in which the
     joint moves most."""
     found = []
@@ -474,7 +479,7 @@ def _scan_time(
     valid = (frequency > 0.7 / size.duration) & (frequency < 0.45 / (problem.decimation * problem.sample_time))
     score[~valid] = 0.0
     found = []
-    for index in _peaks(score, 3, spacing=4):
+    for index in peaks(score, 3, spacing=4):
         values = np.tile([0.02 * size.torque_rms, 0.02 * size.torque_rms, frequency[index]], (problem.logs, 1))
         found.append((Hypothesis(effect, joint), values, int(valid.sum() // 2)))
     return found
@@ -491,7 +496,7 @@ def _scan_position(
     cycles, score = waves(problem, tool, joint, motion[:, 1], weight)
     found = []
     amplitude = 0.02 * size.torque_rms if effect.slot == "torque" else 0.02
-    for index in _peaks(score, 4, spacing=3):
+    for index in peaks(score, 4, spacing=3):
         values = np.tile([amplitude, amplitude, cycles[index]], (problem.logs, 1))
         found.append((Hypothesis(effect, joint), values, len(cycles)))
     return found
@@ -643,7 +648,7 @@ def _pulses(correlation: Array, tool: Adjoint, dt: float) -> list[tuple[float, i
     return list(best.values())
 
 
-def _peaks(score: Array, count: int, spacing: int) -> list[int]:
+def peaks(score: Array, count: int, spacing: int) -> list[int]:
     """Indices of the highest values that keep a distance from each other."""
     left, found = score.copy(), []
     for _ in range(count if len(score) else 0):

@@ -105,8 +105,7 @@ class Remainder:
     free parameters, by their names. wave: one of the readings over the position (`diagnosis.encoder_waves`). rounded:
     whether the innovations are little else than the encoder's rounding, which is not independent of a slow motion, nor
     of rest. misread: decrease beyond what noise would give that errors of the readings over the position bring, where
-    torques bring far less of it. coarse: steps of the command by which its torque goes, where torques bring far less;
-    coarsened: what they bring beyond what noise would give.
+    torques bring far less of it. coarse: steps of the command by which its torque goes, where torques bring far less.
     """
 
     dependences: tuple[Dependence, ...]
@@ -125,7 +124,6 @@ class Remainder:
     impacts: bool = False
     misread: float = 0.0
     coarse: CommandSteps | None = None
-    coarsened: float = 0.0
 
     @property
     def growth(self) -> float:
@@ -140,6 +138,12 @@ class Remainder:
         causes grow, and where a torque that nobody logged moves the joint at some times and not at others.
         """
         return max(0.0, self.decrease - by_chance(self.functions) * self.growth)
+
+
+def beyond_chance(steps: CommandSteps) -> float:
+    """What steps of the command bring beyond what noise would give to as many functions, of the best of so many
+    widths."""
+    return steps.decrease - by_chance(steps.functions) - 2.0 * float(np.log(steps.searched))
 
 
 def by_chance(functions: int) -> float:
@@ -237,7 +241,7 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
     whole = fitted.gain(every) - base
     misread, excess = misreading(problem, fitted, joint, scatter, whole)
     found += [misread] if excess > 0.0 else []
-    steps, coarsened = coarseness(problem, fitted, joint, whole)
+    steps = coarseness(problem, fitted, joint, whole)
     if steps is not None:
         p = float(min(1.0, steps.searched * chi2.sf(steps.decrease, steps.functions)))
         found.append(Dependence(COMMAND_STEPS, steps.decrease, steps.functions, p))
@@ -256,19 +260,15 @@ def remainder(problem: Problem, fitted: Fitted, joint: int) -> Remainder:
         impacts=scatters(problem, fitted.point, joint),
         misread=excess,
         coarse=steps,
-        coarsened=coarsened,
     )
 
 
-def coarseness(problem: Problem, fitted: Fitted, joint: int, torques: float) -> tuple[CommandSteps | None, float]:
-    """Steps of the command that stand out, and what they explain beyond what noise does; None and 0 where torques
-    explain half as much, or small causes grow. torques: what all groups explain."""
+def coarseness(problem: Problem, fitted: Fitted, joint: int, torques: float) -> CommandSteps | None:
+    """Steps of the command that explain more than noise does; None where torques explain half as much, or small causes
+    grow. torques: what all groups explain."""
     least = RATHER * torques
     steps = None if scatters(problem, fitted.point, joint) else command_steps(problem, fitted, joint, least)
-    if steps is None or steps.decrease < least:
-        return None, 0.0
-    excess = steps.decrease - by_chance(steps.functions) - 2.0 * float(np.log(steps.searched))
-    return (steps, excess) if excess > 0.0 else (None, 0.0)
+    return steps if steps is not None and steps.decrease >= least and beyond_chance(steps) > 0.0 else None
 
 
 def misreading(

@@ -16,7 +16,6 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from diagnosis import quantities
-from diagnosis.encoder_waves import READINGS
 from diagnosis.model_equations import SYMBOLS, Formula, model_equations
 from diagnosis.remainder import OWN_SENTENCE
 from diagnosis.result import (
@@ -110,7 +109,6 @@ class JointPage:
     figures: Mapping[str, Markup]
     left: tuple[Markup, ...]
     dependences: tuple[SignalDependence, ...]
-    misread: bool
     adrift: bool
 
 
@@ -180,7 +178,6 @@ def joint_page(diagnosis: Diagnosis, joint: JointResult) -> JointPage:
         figures=joint_figures(joint, gap, ledger, threshold, slug),
         left=tuple(_partial(joint, part, f"{slug}r{i}") for i, part in enumerate(remainder)),
         dependences=tuple(d for d in joint.remainder if d.p_value < SIGNIFICANT and d.signal not in OWN_SENTENCE),
-        misread=any(d.signal == READINGS for d in joint.remainder),
         adrift=is_adrift(ledger),
     )
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from diagnosis.command_steps import CommandSteps
-from diagnosis.encoder_waves import Wave
+from diagnosis.encoder_waves import READINGS, Wave
 from diagnosis.finding import Verdict
 from diagnosis.patchwork import Patchwork
 from diagnosis.remainder import Drift
@@ -315,6 +315,11 @@ class JointResult:
     title: str = ""
     beside: int | None = None
     scattered: float = 0.0
+
+    @property
+    def misread(self) -> bool:
+        """Whether the readings themselves err over the position."""
+        return any(d.signal == READINGS for d in self.remainder)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ import re
 from collections.abc import Sequence
 from io import StringIO
 
-from diagnosis.encoder_waves import READINGS
 from diagnosis.quantities import measured, number, percent, plain, quantity, scale_for, title
 from diagnosis.remainder import OWN_SENTENCE
 from diagnosis.result import RAN_AWAY, Alternative, Diagnosis, Estimate, Gap, JointResult, NamedEffect
@@ -129,7 +128,7 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
             depends = (
                 f"; the amplifier rounds its command to steps of {quantity(joint.coarse.width, joint.command_unit)}"
             )
-        elif any(d.signal == READINGS for d in joint.remainder):
+        elif joint.misread:
             depends = "; the readings themselves err over the position"
         elif joint.fails_by is not None:
             where = "the held-out logs" if gap and gap.on == "held-out" else "the data kept apart"

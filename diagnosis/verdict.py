@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from diagnosis.estimation import Fitted
 from diagnosis.finding import Accepted, Verdict
 from diagnosis.problem import Problem
-from diagnosis.remainder import Remainder
+from diagnosis.remainder import Remainder, beyond_chance
 from diagnosis.settings import Settings
 
 
@@ -52,7 +52,7 @@ def verdict(
     """none, named, ambiguous or unknown."""
     least = max(20.0, settings.minor * (nominal.criterion - final.criterion))
     errs = any(r.wave is not None or r.misread > least for r in left)  # the readings themselves
-    rounds = any(r.coarsened > least for r in left)  # the amplifier its set point
+    rounds = any(r.coarse is not None and beyond_chance(r.coarse) > least for r in left)  # the amplifier its set point
     if errs or rounds or unexplained(problem, nominal.criterion - final.criterion, left, settings):
         return "unknown"
     if any(item.rivals for item in accepted):

@@ -14,7 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from diagnosis import figures
-from diagnosis.encoder_waves import Wave
+from diagnosis.command_steps import COMMAND_STEPS, CommandSteps
+from diagnosis.encoder_waves import READINGS, Wave
 from diagnosis.figures import equation, report_style, residual_spectrum
 from diagnosis.ledger import closed, simulated
 from diagnosis.model_equations import model_equations
@@ -400,6 +401,26 @@ def test_the_sentence_of_an_unknown_cause_says_whether_other_logs_gain() -> None
 def test_the_sentence_says_how_the_readings_err() -> None:
     result = replace(joint_result(1, "unknown", "train"), wave=Wave(256.2, 8.8e-4, 0.5))
     assert "the readings themselves err by 880 µrad, 256.2 times per revolution" in joint_sentence(result, None)
+
+
+def test_what_smooth_torques_do_not_explain_has_a_sentence_of_its_own() -> None:
+    steps, readings = SignalDependence(COMMAND_STEPS, 900.0, 6, 0.0), SignalDependence(READINGS, 700.0, 16, 0.0)
+    plain_one = replace(joint_result(1, "unknown", "train"), effects=(), remainder_excess=0.0)
+    coarse = replace(plain_one, remainder=(steps,), coarse=CommandSteps(0.0524, 900.0, 6, 262))
+    assert joint_sentence(coarse, None).endswith("the amplifier rounds its command to steps of 52.4 mV.")
+    misread = replace(plain_one, remainder=(readings,))
+    assert joint_sentence(misread, None).endswith("the readings themselves err over the position.")
+    for joint, said, other in (
+        (coarse, "steps of the command 52.4 mV wide", "The readings themselves err"),
+        (misread, "The readings themselves err over the position", "steps of the command"),
+    ):
+        diagnosis = replace(example("unknown"), joints=(joint,))
+        page = plain(render(diagnosis))
+        assert said in page
+        assert other not in page
+        assert "Only traces" not in page
+        found = json.loads(to_json(diagnosis))["remainder"]["command_steps"]
+        assert [item["width"] for item in found] == ([0.0524] if joint is coarse else [])
 
 
 def test_the_sentence_of_a_patchwork_says_what_the_names_stand_for() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -52,6 +52,7 @@ from diagnosis.other_bases import (
     either,
     on_either_joint,
     settled_anew,
+    two_at_once,
 )
 from diagnosis.patchwork import Patchwork, of_position, patchwork
 from diagnosis.problem import Problem, Work, coarser, in_band
@@ -151,7 +152,7 @@ def _find(
     search = Search.begin(problem, structures, effects, settings, tell)
     banded = longer = None
     if is_foreseen(problem, search.nominal):
-        banded = in_motion(replace(problem, work=Work()), structures, effects, settings, tell, is_first=True)
+        banded = in_motion(replace(problem, work=Work()), structures, effects, settings, tell, is_enough=search.tells)
         longer = continued(search, banded, search.nominal.criterion, held_out)
     settled = None if longer is None or longer.verdict == "unknown" else longer
     if settled is not None and not is_foreseen(problem, settled.final):
@@ -178,7 +179,7 @@ def _find(
                 return quiet(problem, longer, effects, settings, held_out)
     if banded is None:
         return whole
-    narrow, found = banded
+    narrow, found = banded.search.problem, banded.concluded
     band = 0.4 / (narrow.decimation * narrow.sample_time)
     is_slight = all(item.material < settings.relevant for item in whole.accepted)
     if problem.arm is not None and is_slight and found.verdict == "none":
@@ -199,6 +200,19 @@ def is_foreseen(problem: Problem, nominal: Fitted, times: float = FORESEEN) -> b
     return bool(np.any(error > times**2 * (nominal.variances + nominal.floor)))
 
 
+@dataclass(frozen=True, eq=False)
+class Banded:
+    """A search in the band in which the joint moved, and where it ended."""
+
+    search: Search
+    path: Path
+
+    @cached_property
+    def concluded(self) -> Finding:
+        """What it says by itself."""
+        return self.search.concluded(self.path)
+
+
 def in_motion(
     problem: Problem,
     structures: tuple[JointStructure, ...],
@@ -206,33 +220,34 @@ def in_motion(
     settings: Settings,
     tell: Callable[[str], None],
     *,
-    is_first: bool = False,
-) -> tuple[Problem, Finding] | None:
+    is_enough: Callable[[Fitted], bool] | None = None,
+) -> Banded | None:
     """What the band in which the joint moved shows by itself, and the problem there; None where it is no narrower or
     too short.
 
-    is_first: the whole band is still to be searched, so nothing is sought here where noise alone is left. Where more
-    is, other laws are tried: here that is cheap, and the whole band begins from what is found.
+    is_enough: whether the whole band, which is still to be searched, takes over from a model. Nothing more is sought
+    here then, nor where noise alone is left. Where more is, other laws are tried: here that is cheap, and the whole
+    band begins from what is found.
     """
     narrow = in_band(problem)
     if narrow.decimation == 1 or narrow.used.sum() // narrow.decimation < 60:
         return None
     tell("in the band of the motion")
-    budget = settings.budget // 2 if is_first else settings.budget
+    budget = settings.budget if is_enough is None else settings.budget // 2
     inner = Search.begin(narrow, structures, effects, replace(settings, limit=settings.banded, budget=budget), tell)
-    path = inner.grown(inner.start, is_first=is_first)
-    found = inner.concluded(path)
-    if is_first and found.verdict == "unknown":
-        found = inner.concluded(inner.exchanged(path))
-    return narrow, found
+    path = inner.grown(inner.start, is_enough=is_enough)
+    if is_enough is None:
+        return Banded(inner, inner.needed(path))
+    if path.accepted and is_enough(path.base):
+        return Banded(inner, path)
+    shorter = inner.needed(path)
+    return Banded(inner, inner.needed(inner.exchanged(path)) if inner.doubts(shorter) else shorter)
 
 
-def continued(
-    search: Search, banded: tuple[Problem, Finding] | None, most: float, held_out: Problem | None
-) -> Finding | None:
+def continued(search: Search, banded: Banded | None, most: float, held_out: Problem | None) -> Finding | None:
     """What the search in the whole band concludes when it goes on from what the band of the motion has shown; None
     where nothing was shown, or it ends with what costs more than `most` there."""
-    path = None if banded is None else carried_over(search, banded[1], most)
+    path = None if banded is None else carried_over(search, banded.path, most)
     if path is None:
         return None
     search.tell("again in the whole band")
@@ -257,7 +272,7 @@ def quiet(
     return with_jitter(problem, finding, effects, settings, held_out) if still else finding
 
 
-def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
+def carried_over(search: Search, banded: Path, most: float) -> Path | None:
     """What was found in the band of the motion, fitted in the whole band; None where that neither costs less than
     `most` nor brings the errors as they are far below those of the nominal model: where these drown a wave, and the
     others are left with it, the former are the likelier ones until the wave is found, which no filter may foresee.
@@ -268,7 +283,7 @@ def carried_over(search: Search, banded: Finding, most: float) -> Path | None:
     problem = search.problem
     if not banded.accepted:
         return None
-    base = in_turns(problem, free_of_filter(problem, banded.final.point))
+    base = in_turns(problem, free_of_filter(problem, banded.base.point))
     base = timing_settled(problem, windings_settled(problem, base))
     is_dearer = cost(problem, base, banded.accepted) >= most
     if is_dearer and not comes_much_closer(problem, base, free_of_filter(problem, search.nominal.point)):
@@ -402,16 +417,21 @@ class Search:
         """A search in the problem's band, with its nominal model."""
         return cls(problem, structures, effects, settings, fit_nominal(problem, structures), tell)
 
+    def tells(self, fitted: Fitted) -> bool:
+        """Whether this band tells models apart from one of another band on."""
+        outcome = errors(self.problem, [fitted.point])[0]
+        return not is_foreseen(self.problem, unfitted(self.problem, self.nominal, fitted.point, outcome))
+
     @property
     def start(self) -> Path:
         """The nominal model alone."""
         return Path(self.nominal, (), frozenset(), (self.nominal,))
 
-    def grown(self, path: Path, *, is_first: bool = False) -> Path:
+    def grown(self, path: Path, *, is_enough: Callable[[Fitted], bool] | None = None) -> Path:
         """The path continued as far as effects are found; at their limit, as far as one takes the place of another, or
         one more explains a good part of all.
 
-        is_first: only as far as something is left (`in_motion`).
+        is_enough: whether another search takes over from a model; only that far, and as far as something is left.
         """
         problem, settings = self.problem, self.settings
         while True:
@@ -426,7 +446,8 @@ class Search:
             explained = self.nominal.criterion - path.base.criterion
             needed = -np.inf
             if path.accepted:
-                if is_first and path.excess == 0.0 and not self.incomplete(path):
+                is_quiet = path.excess == 0.0 and not self.incomplete(path)
+                if is_enough is not None and (is_quiet or is_enough(path.base)):
                     break
                 complete = path.excess <= allowance(self.nominal, path.base) and not self.incomplete(path)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
@@ -443,6 +464,10 @@ class Search:
                 ranked = also_by_own_steps(problem, path.base, candidates, ranked)
             if not path.accepted:
                 ranked = also_from_regression(problem, self.structures, path.base, candidates, ranked)
+                both = self.with_two(path, candidates, ranked)
+                if both is not None:
+                    path = both
+                    continue
             if ranked and ranked[0].effect.scatters and not has_play(path):
                 ranked = either(ranked, plays(problem, path.base, candidates))
             elif not has_play(path):
@@ -471,6 +496,30 @@ class Search:
                 break
             path = longer
         return path if path.left else replace(path, left=remainders(problem, path.base))
+
+    def with_two(self, path: Path, candidates: Sequence[tuple[Effect, int]], ranked: Sequence[Scored]) -> Path | None:
+        """The path with dry friction and a torque of the place at once, where these come much closer than any single
+        hypothesis, which leaves errors that are far more than innovations; None otherwise."""
+        problem = self.problem
+        if not stuck(problem, ranked) or ranked[0].effect.scatters:
+            return None
+        found = two_at_once(problem, self.structures, path.base, candidates)
+        if not found or not all(comes_much_closer(problem, found[0][-1], s.fitted) for s in ranked):
+            return None
+        self.tell("two effects at once")
+        dry, place, both = found[0]
+        alone = without(problem, both, Accepted(score(problem, path.base, place, both), 0.0, ()))
+        first = Accepted(score(problem, path.base, dry, alone), 0.0, ())
+        rivals = (score(problem, alone, other, fitted) for _, other, fitted in found[1:])
+        second = score(problem, alone, place, both)
+        near = tuple(rival for rival in rivals if rival.evidence > second.evidence - self.settings.rival)
+        begun = Path(alone, (first,), stood_for(first), (*path.steps, alone))
+        longer = self.advanced(begun, Accepted(second, 0.0, near, ranking([second, *near])))
+        least = min(s.fitted.criterion + s.price for s in ranked) - self.settings.threshold
+        if len(longer.accepted) < 2 or self.cost(longer) >= least:
+            return None
+        beside = each(partial(scored_anew, problem, longer.base), longer.accepted)  # neither is anything by itself
+        return replace(longer, accepted=tuple(beside))
 
     def led_by_pieces(self, path: Path, ranked: list[Scored]) -> list[Scored]:
         """The hypotheses, with those in whose motion small causes grow fitted by multiple shooting, where they are
@@ -671,7 +720,7 @@ class Search:
 
     def with_plainer(self, path: Path, item: Accepted) -> Path | None:
         """The path with a plainer effect in the place of one that contains it, and another law in its general form;
-        None if that costs more.
+        None if that costs more, or the plainer one by itself does less than half of what the effect does.
 
         An effect with more to adjust may have made up for what the textbook's form of another one lacks: Stribeck
         friction for a drag that grows with less than the square of the velocity.
@@ -688,7 +737,10 @@ class Search:
         smaller = without(problem, path.base, item)
         whole = replace(item.scored, fitted=path.base)
         fits = each(lambda effect: simpler(problem, smaller, whole, effect), plain)
-        chosen = replace(item, scored=max(fits, key=lambda scored: scored.evidence))
+        best = max(fits, key=lambda scored: scored.evidence)
+        if best.decrease < FORK * (smaller.criterion - path.base.criterion):
+            return None
+        chosen = replace(item, scored=best)
         plainer = self.advanced(shortened(path, others, smaller), chosen)
         plainer = replace(plainer, left=remainders(problem, plainer.base))
         explained = self.nominal.criterion - plainer.base.criterion
@@ -734,8 +786,7 @@ class Search:
             for effect, j in self.candidates(shortened(path, others, path.base), is_full=False)
             if j == joint and of_position(effect) and effect.scan is None and effect.name == effect.label != item.label
         ]
-        pieces = patchwork(problem, path.base, path.accepted, self.settings.rival) if rivals else {}
-        if pieces.get(joint) is not Patchwork.POSITION:
+        if not rivals or self.pieces(path).get(joint) is not Patchwork.POSITION:
             return None
         self.tell(f"another law in the place of {item.label}")
         smaller = without(problem, path.base, item)
@@ -873,7 +924,8 @@ class Search:
         begun beside all but a spring, which may stand for it, beside the friction of the path alone, since friction
         holds an arm in its play, which drifts without, and by itself.
         """
-        times = SPRUNG if path.excess > 0.0 or has_spring(path) else FORESEEN
+        is_left = path.excess > allowance(self.nominal, path.base)
+        times = SPRUNG if is_left or has_spring(path) else FORESEEN
         asks = self.incomplete(path) or is_foreseen(self.problem, path.base, times)
         if has_play(path) or not asks or self.is_over:
             return path
@@ -900,21 +952,45 @@ class Search:
             base = base if item in kept else without(self.problem, base, item)
         return shortened(path, kept, base)
 
-    def concluded(self, path: Path, held_out: Problem | None = None) -> Finding:
-        """What stands at the end of a path: effects that are not needed are taken back, and the verdict is given."""
+    def needed(self, path: Path) -> Path:
+        """The path without the effects that are not needed."""
         problem, nominal, settings = self.problem, self.nominal, self.settings
         accepted, base = one_dry_friction(problem, nominal, list(path.accepted), path.base, settings)
         left = path.left if base is path.base else remainders(problem, base)
         accepted, base, left = trim(problem, nominal, accepted, base, left, settings)
         before = base
         accepted, base = significant(problem, accepted, base, settings)
+        left = left if base is before else remainders(problem, base)
+        return replace(path, accepted=tuple(accepted), base=base, left=left)
+
+    def pieces(self, path: Path) -> dict[int, Patchwork]:
+        """The joints (by index) whose effects only describe another law."""
+        return patchwork(self.problem, path.base, path.accepted, self.settings.rival)
+
+    def doubts(self, path: Path) -> bool:
+        """Whether something is left that no effect of the path explains, or they are not what they seem."""
+        problem, settings, base = self.problem, self.settings, path.base
+        if verdict(problem, self.nominal, base, path.accepted, path.left, settings) == "unknown" or self.pieces(path):
+            return True
+        if not all(stays_itself(problem, replace(item.scored, fitted=base)) for item in path.accepted):
+            return True
+        refused = max((r.decrease - r.price for r in path.refused), default=0.0)
+        explained = self.nominal.criterion - base.criterion
+        is_refused = bool(path.accepted) and refused > settings.patched * explained
+        return is_refused or path.unsteady > max(settings.threshold, settings.inexact * explained)
+
+    def concluded(self, path: Path, held_out: Problem | None = None) -> Finding:
+        """What stands at the end of a path: effects that are not needed are taken back, and the verdict is given."""
+        problem, nominal, settings = self.problem, self.nominal, self.settings
+        path = self.needed(path)
+        accepted, base, left = list(path.accepted), path.base, path.left
         if held_out is not None:
             shown, base = general(problem, held_out, nominal, accepted, base, settings)
             if len(shown) < len(accepted):  # what was found beside the others may be nothing without them
                 accepted, base = prune(problem, shown, base, settings, sure=np.inf)
         lag = next((item for item in accepted if item.label == LAG), None)
         base, traded = (base, ()) if lag is None else told_apart(problem, base, lag.effect, lag.joint)
-        if base is not before:
+        if base is not path.base:
             left = remainders(problem, base)
         accepted = [
             confirmed(problem, base, simpler_rivals(item, left), [*accepted[:i], *accepted[i + 1 :]], settings)
@@ -922,15 +998,8 @@ class Search:
         ]
         accepted = [disguised(problem, base, item, accepted, self.effects, settings) for item in accepted]
         accepted = [other_laws(in_other_terms(problem, base, item, self.effects, settings)) for item in accepted]
-        pieces = patchwork(problem, base, accepted, settings.rival)
         said = verdict(problem, nominal, base, accepted, left, settings)
-        if pieces or not all(stays_itself(problem, replace(item.scored, fitted=base)) for item in accepted):
-            said = "unknown"
-        refused = max((r.decrease - r.price for r in path.refused), default=0.0)
-        explained = nominal.criterion - base.criterion
-        if (accepted and refused > settings.patched * explained) or (
-            path.unsteady > max(settings.threshold, settings.inexact * explained)
-        ):
+        if self.doubts(replace(path, accepted=tuple(accepted), base=base, left=left)):
             said = "unknown"
         if said != "unknown":
             accepted, base = left_undecided(problem, arm_damping_open(problem, base), accepted, self.effects)
@@ -942,7 +1011,7 @@ class Search:
             left,
             path.steps,
             refused=path.refused,
-            patched=pieces,
+            patched=patchwork(problem, base, accepted, settings.rival),
             optima=path.optima,
             traded=traded,
             is_cut=said == "unknown" and path.is_cut,

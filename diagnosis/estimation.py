@@ -484,9 +484,13 @@ def undetermined(fitted: Fitted) -> Array:
     """Covariance (P, P) along those directions of the free parameters that the data do not determine at all.
 
     Along each the parameters may be anywhere in their range, or within what is known of them beforehand, and where
-    neither says anything off by any number. The inverse information, a pseudo-inverse, is silent about it.
+    neither says anything off by any number. The inverse information, a pseudo-inverse, is silent about it. What shapes
+    no prediction, and yet has a variance, is known from elsewhere: the jitter of the instants from the scatter of the
+    errors.
     """
-    gram = fitted.jacobian @ fitted.jacobian.T + np.diag([f.deviation**-2.0 for f in fitted.point.free])
+    certainty = np.array([f.deviation**-2.0 for f in fitted.point.free])
+    certainty[~np.any(fitted.jacobian, axis=1) & (np.diag(fitted.covariance) > 0.0)] = 1.0
+    gram = fitted.jacobian @ fitted.jacobian.T + np.diag(certainty)
     size = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
     values, axes = np.linalg.eigh(gram * np.outer(size, size))
     most = np.array([min((f.upper - f.lower) / math.sqrt(12.0), FAR * f.scale, f.deviation) for f in fitted.point.free])

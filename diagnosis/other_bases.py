@@ -27,6 +27,8 @@ DRAG = 0.02
 """Torque of dry friction as a share of the command's rms, from which both are tried as it was regressed."""
 HELD = 0.5
 """The same for torques of the place."""
+FELT = 0.1
+"""The same for both of two effects at once."""
 TIMED = 0.75
 """Share of the best evidence from which the best form of a law is compared with a timing of its own."""
 TWIN = 0.5
@@ -122,6 +124,37 @@ def also_from_regression(
         return score(problem, base, alike[0], to_innovations(problem, found))
 
     return either(ranked, [scored for scored in each(carried_on, starts) if scored is not None])
+
+
+def two_at_once(
+    problem: Problem,
+    structures: tuple[JointStructure, ...],
+    base: Fitted,
+    candidates: Sequence[tuple[Effect, int]],
+) -> list[tuple[Start, Start, Fitted]]:
+    """Dry friction beside each torque of the place, both as they are regressed together, and the fit with both; the
+    likeliest first. Only where both are felt.
+
+    A joint that friction and a spring hold is far from any joint with one of them: the best base without the other one
+    moves for other reasons.
+    """
+    command = np.sqrt(np.mean(problem.command**2, axis=0))
+    offered = {effect.name: effect for effect, _ in candidates}
+    begun: list[tuple[Start, Start, Point]] = []
+    for effect in offered.values():
+        if DRY not in offered or not effect.is_linear_in_place:
+            continue
+        point, friction, torques, change = point_at(problem, structures, effect)
+        for j in (j for other, j in candidates if other is effect and (offered[DRY], j) in candidates):
+            if min(friction[j], change[j]) > FELT * command[j]:
+                of = lambda law, own, j=j: Start(Hypothesis(law, j), np.tile(own, (problem.logs, 1)), 0.0)  # noqa: E731
+                dry, place = of(offered[DRY], friction[j : j + 1]), of(effect, torques[j])
+                both = extend(
+                    problem, extend(problem, point, dry.hypothesis, dry.values), place.hypothesis, place.values
+                )
+                begun.append((dry, place, both))
+    fits = each(lambda item: (*item[:2], to_innovations(problem, to_errors(problem, item[2]))), begun)
+    return sorted(fits, key=lambda item: item[2].criterion)
 
 
 def of_friction(effect: Effect, friction: float, size: Scales) -> list[Array]:

@@ -42,8 +42,18 @@ from diagnosis.engine import (
     quiet,
     with_jitter,
 )
-from diagnosis.estimation import Fitted, Point, errors, finish, fit, plain, predicted_motion, sensitivities
-from diagnosis.finding import Accepted, Finding, Verdict, near_equals, stood_for
+from diagnosis.estimation import (
+    Fitted,
+    Point,
+    errors,
+    finish,
+    fit,
+    plain,
+    predicted_motion,
+    sensitivities,
+    undetermined,
+)
+from diagnosis.finding import Accepted, Finding, near_equals, stood_for
 from diagnosis.first_fits import nearest, retuned
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, scan, sizes_of, withdraw
 from diagnosis.imitation import Signals, imitating, resistance, together
@@ -57,6 +67,7 @@ from diagnosis.other_bases import (
     also_without_limits,
     on_either_joint,
     settled_anew,
+    two_at_once,
 )
 from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import KnownTorques, Problem, Work, coarser, evenly, in_band, scales, stack
@@ -1268,24 +1279,91 @@ def test_the_whole_band_goes_on_from_what_the_band_of_the_motion_has_found(monke
     assert item.scored.decrease > 0.9 * (finding.nominal.criterion - finding.final.criterion)
 
 
-@pytest.mark.parametrize(("verdict", "is_first"), [("unknown", True), ("unknown", False), ("named", True)])
+def held_joint(effects: dict[str, dict[str, float]]) -> Problem:
+    """A joint whose motor turns it to and fro against what holds it."""
+    time = DT * np.arange(7500)
+    command = (1.1 * np.sin(2 * np.pi * 0.35 * time) + 0.6 * np.sin(2 * np.pi * 0.9 * time + 1.0))[:, None]
+    model = StructuredModel((StructuredJoint(1, "voltage", JOINT, effects),), DT, None, EFFECTS)
+    motion = model.simulate(time, command, State.at_rest(0.0))
+    facts = JointFacts(input="voltage", position_unit="rad", encoder_step=STEP)
+    reading = STEP * np.round(motion.position / STEP)
+    return stack(KERNEL, [Log(time, command, reading, (1,), facts=(facts,), name="held")], (1,))
+
+
+def test_friction_and_a_spring_are_found_at_once_where_neither_comes_close_alone() -> None:
+    hidden = {"coulomb_friction": {"torque": 0.5}, "cable_spring": {"stiffness": 2.0, "pull": 0.3}}
+    problem, structures = held_joint(hidden), (JointStructure(),)
+    effects = [NAMED[name] for name in ("coulomb_friction", "cable_spring", "gravity_tilt", "amplifier_lag")]
+    told: list[str] = []
+    search = Search.begin(problem, structures, effects, Settings(), told.append)
+    path = search.grown(search.start)
+    assert "two effects at once" in told
+    assert {item.name for item in path.accepted} == {"coulomb_friction", "cable_spring"}
+    assert path.base.point.value("coulomb_friction.torque@0") == pytest.approx(0.5, rel=0.01)
+    assert path.base.point.value("cable_spring.stiffness@0") == pytest.approx(2.0, rel=0.01)
+    for item in path.accepted:
+        assert item.scored.evidence > 1000.0
+    candidates = [(effect, 0) for effect in effects]
+    ranked = [item.scored for item in path.accepted]
+    assert search.with_two(search.start, candidates, ranked) is None  # a single hypothesis leaves noise
+
+
+def test_nothing_is_found_at_once_where_there_is_only_one() -> None:
+    """A spring without friction is felt alone; beside friction that holds the joint a spring is regressed, but that
+    comes no closer."""
+    effects = [NAMED[name] for name in ("coulomb_friction", "cable_spring")]
+    structures, candidates = (JointStructure(),), [(effect, 0) for effect in effects]
+    problem = held_joint({"cable_spring": {"stiffness": 2.0, "pull": 0.3}})
+    assert two_at_once(problem, structures, fit_nominal(problem, structures), candidates) == []
+    problem = held_joint({"coulomb_friction": {"torque": 0.5}})
+    search = Search.begin(problem, structures, effects, Settings(), lambda text: None)
+    ranked = try_all(problem, search.nominal, candidates)
+    both = two_at_once(problem, structures, search.nominal, candidates)
+    assert [place.hypothesis.effect.name for _, place, _ in both] == ["cable_spring"]
+    assert search.with_two(search.start, candidates, ranked) is None
+
+
+@pytest.mark.parametrize(
+    ("doubts", "is_enough", "exchanged"),
+    [(True, False, True), (True, None, False), (False, False, False), (True, True, False)],
+)
 def test_other_laws_are_tried_in_the_band_of_the_motion_before_the_whole_band_begins_from_it(
-    verdict: Verdict, is_first: bool, monkeypatch: pytest.MonkeyPatch
+    doubts: bool, is_enough: bool | None, exchanged: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Unless the whole band comes afterwards anyway, nothing is doubtful, or it tells models apart from there."""
     noise = 2e-3 * np.random.default_rng(0).standard_normal(15_000)
     problem = stack(KERNEL, [record({"coulomb_friction": {"torque": 0.2}}, noise, 30.0)], (1,))
 
-    def concluded(search: Search, path: Path) -> Finding:
-        said = verdict if not path.steps[1:] else "named"
-        return Finding(said, search.nominal, (), path.base, path.left, path.steps)
+    def grown(search: Search, path: Path, **known: object) -> Path:
+        item = accepted(search.problem, path.base, "coulomb_friction", [0.2])
+        return replace(path, base=item.scored.fitted, accepted=(item,))
 
-    monkeypatch.setattr(Search, "concluded", concluded)
-    monkeypatch.setattr(Search, "grown", lambda search, path, **known: path)
+    monkeypatch.setattr(Search, "grown", grown)
+    monkeypatch.setattr(Search, "doubts", lambda search, path: doubts)
     monkeypatch.setattr(Search, "exchanged", lambda search, path: replace(path, steps=(*path.steps, path.base)))
-    found = in_motion(problem, (JointStructure(),), EFFECTS, Settings(), lambda text: None, is_first=is_first)
+    enough = None if is_enough is None else lambda fitted: bool(is_enough)
+    found = in_motion(problem, (JointStructure(),), EFFECTS, Settings(), lambda text: None, is_enough=enough)
     assert found is not None
-    assert len(found[1].steps) == 1 + (verdict == "unknown" and is_first)
-    assert found[1].verdict == (verdict if len(found[1].steps) == 1 else "named")
+    assert len(found.path.steps) == 1 + exchanged
+
+
+def test_the_band_of_the_motion_is_left_where_the_whole_band_tells_models_apart() -> None:
+    """Drag is left beside friction, and found in the whole band instead."""
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(15_000)
+    hidden = {"coulomb_friction": {"torque": 0.3}, "quadratic_drag": {"coefficient": 0.005}}
+    problem = stack(KERNEL, [record(hidden, noise, 30.0)], (1,))
+    structures, effects = (JointStructure(),), [NAMED["coulomb_friction"], NAMED["quadratic_drag"]]
+    whole = Search.begin(problem, structures, effects, Settings(), lambda text: None)
+    assert not whole.tells(whole.nominal)
+    found = in_motion(problem, structures, effects, Settings(), lambda text: None, is_enough=whole.tells)
+    assert found is not None
+    friction = found.path
+    assert [item.name for item in friction.accepted] == ["coulomb_friction"]
+    assert whole.tells(friction.base)
+    assert friction.excess > 0.0
+    further = in_motion(problem, structures, effects, Settings(), lambda text: None, is_enough=lambda fitted: False)
+    assert further is not None
+    assert {item.name for item in further.path.accepted} == {"coulomb_friction", "quadratic_drag"}
 
 
 def test_one_event_has_one_name() -> None:
@@ -1989,8 +2067,7 @@ def test_what_the_band_of_the_motion_has_shown_is_carried_over_with_the_timing_o
         item = accepted(other, fit_nominal(other, (JointStructure(),)), "coulomb_friction", [0.3])
         assert not is_timed(item.scored.fitted)
         search = Search.begin(problem, (JointStructure(),), [item.effect], Settings(), lambda text: None)
-        finding = Finding("named", search.nominal, (item,), item.scored.fitted, (), ())
-        path = carried_over(search, finding, np.inf)
+        path = carried_over(search, Path(item.scored.fitted, (item,), frozenset(), ()), np.inf)
         assert path is not None
         assert path.base.point.parameters[0, 0, NOMINAL.index("timing")] == pytest.approx(shift, abs=0.02 * DT)
 
@@ -2004,8 +2081,7 @@ def test_what_brings_the_errors_far_down_is_carried_over_though_noise_seems_to_e
     problem = problem_of(hidden, 1e-3 * np.random.default_rng(0).standard_normal(5000))
     search = Search.begin(problem, (JointStructure(),), [NAMED["gravity_tilt"]], Settings(), lambda text: None)
     item = accepted(problem, search.nominal, "gravity_tilt", [weight, 0.0])
-    finding = Finding("named", search.nominal, (item,), item.scored.fitted, (), ())
-    assert (carried_over(search, finding, -np.inf) is not None) == kept
+    assert (carried_over(search, Path(item.scored.fitted, (item,), frozenset(), ()), -np.inf) is not None) == kept
 
 
 def test_rivals_of_what_the_band_of_the_motion_has_shown_are_fitted_in_the_whole_band() -> None:
@@ -2018,8 +2094,7 @@ def test_rivals_of_what_the_band_of_the_motion_has_shown_are_fitted_in_the_whole
     )
     item = replace(item, rivals=(rival.scored,))
     search = Search.begin(problem, (JointStructure(),), [item.effect, rival.effect], Settings(), lambda text: None)
-    finding = Finding("ambiguous", nominal, (item,), item.scored.fitted, (), ())
-    path = carried_over(search, finding, np.inf)
+    path = carried_over(search, Path(item.scored.fitted, (item,), frozenset(), ()), np.inf)
     assert path is not None
     (anew,) = path.accepted
     assert [scored.fitted.error.shape for scored in (anew.scored, *anew.rivals)] == 2 * [problem.reading.shape]
@@ -2038,6 +2113,17 @@ def test_jitter_is_read_off_beside_what_noise_that_grows_lets_explain(monkeypatc
         finding = Finding("none", fitted, (), fitted, (left,), (fitted,))
         found = quiet(problem, finding, EFFECTS, Settings(), None)
         assert [item.name for item in found.accepted] == named
+
+
+def test_how_well_a_jitter_is_known_the_scatter_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No prediction depends on it, and yet it is not open."""
+    problem = problem_of({})
+    fitted = fit_nominal(problem, (JointStructure(),))
+    monkeypatch.setattr("diagnosis.engine.jitter", lambda *given: Jitter(0.1 * DT, 0.01 * DT, 1e4))
+    final = with_jitter(problem, Finding("none", fitted, (), fitted, (), ()), EFFECTS, Settings()).final
+    assert np.sqrt((final.covariance + undetermined(final))[-1, -1]) == pytest.approx(0.01 * DT)
+    silent = replace(final, covariance=np.zeros_like(final.covariance))
+    assert np.sqrt(undetermined(silent)[-1, -1]) > DT
 
 
 @pytest.mark.parametrize(

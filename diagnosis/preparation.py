@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from diagnosis.planar_arm import is_planar_arm, planar_pair
 from envs.compatibility import check_apart, check_together, other_inertia, with_robot
 from envs.log import Array, Log, LogError
 from envs.log_files import load_with_findings, read_toml, sidecar_path
+from envs.log_statistics import lost_spells
 from envs.robot import Robot, RobotError
 from envs.robots import find_robot
 from envs.validation import DOUBTFUL_UNIT
@@ -27,6 +29,12 @@ KEPT_APART = 0.25
 """Share of each log that is kept apart for the gain when no held-out log is given."""
 SHORTEST = 400
 """Samples below which a log is not divided."""
+PART = 100
+"""Samples below which a part of a log between gaps is left out."""
+PARTS = 20
+"""Parts of a log at most, between its longest gaps."""
+MOST_LEFT_OUT = 0.25
+"""Share of a log that may be left out so; of one that is all gaps nothing would remain."""
 SEVERAL = 3
 """Logs of which the same is said once."""
 FIGURE = re.compile(r"(?<!joint )\b\d[\d.]*")
@@ -93,21 +101,40 @@ def arrange(logs: Sequence[Log], holdout: Sequence[Log], robot: str | None, said
         findings += gathered(compared)
     check_apart(*complete)
     findings += [finding.text for finding in check_together([*complete[0], *complete[1]])]
-    if complete[1]:
-        return Recordings(tuple(complete[0]), tuple(complete[1]), "held-out", described, tuple(findings))
-    if any(len(log) < SHORTEST for log in complete[0]):
+    if not complete[1] and any(len(log) < SHORTEST for log in complete[0]):
         raise DiagnosisError(
             f"no held-out log, and logs of less than {SHORTEST} samples cannot be divided. Give one with --holdout"
         )
-    cuts = [int(len(log) * (1.0 - KEPT_APART)) for log in complete[0]]
+    fitted, held_out = ([part for log in own for part in between_gaps(log, findings)] for own in complete)
+    if held_out:
+        return Recordings(tuple(fitted), tuple(held_out), "held-out", described, tuple(findings))
     findings.append("no held-out log was given: the last quarter of each log is kept apart for the gain")
+    cuts = [(log, int(len(log) * (1.0 - KEPT_APART))) for log in fitted if len(log) >= SHORTEST]
     return Recordings(
-        tuple(log.slice(0, cut) for log, cut in zip(complete[0], cuts, strict=True)),
-        tuple(log.slice(cut, len(log)) for log, cut in zip(complete[0], cuts, strict=True)),
+        tuple(log.slice(0, cut) for log, cut in cuts) + tuple(log for log in fitted if len(log) < SHORTEST),
+        tuple(log.slice(cut, len(log)) for log, cut in cuts),
         "last quarter of each log, kept apart",
         described,
         tuple(findings),
     )
+
+
+def between_gaps(log: Log, findings: list[str]) -> list[Log]:
+    """The parts of a log between gaps over which no model can be simulated, said; the log itself where it has none, or
+    little but short parts. Those in which a joint stands still that moves in others are left out."""
+    ends = [0, *(np.sort(lost_spells(log.time)[: PARTS - 1]) + 1).tolist(), len(log)]
+    parts = [log.slice(a, b) for a, b in pairwise(ends) if b - a >= PART]
+    moving = [joint for joint in log.joints if driven(log, joint)]
+    parts = [part for part in parts if all(driven(part, joint) for joint in moving)]
+    left_out = len(log) - sum(map(len, parts))
+    if len(ends) == 2 or left_out > MOST_LEFT_OUT * len(log):
+        return [log]
+    apart = f"; {left_out} samples between them are left out" if left_out else ""
+    findings.append(
+        f"{log.name}: what was commanded in its gaps is not known: it is taken as {len(parts)} separate "
+        f"part{'s' * (len(parts) > 1)}{apart}"
+    )
+    return parts
 
 
 def gathered(said: Iterable[tuple[str, str]]) -> list[str]:

@@ -17,6 +17,10 @@ Rows = NDArray[np.signedinteger]
 #: Median absolute deviation of a normal variable is its standard deviation divided by this.
 MAD_TO_STD = 1.4826
 
+#: Sampling intervals from which two samples are parts of different recordings: what was commanded meanwhile, and where
+#: the joint went, is not known.
+LOST = 10.0
+
 
 @dataclass(frozen=True, eq=False)
 class Timing:
@@ -64,6 +68,13 @@ def timing(time: Array) -> Timing:
         missing=int(np.sum(np.round(intervals[gaps] / median) - 1)) if median > 0 else 0,
         largest_gap=float(intervals.max()),
     )
+
+
+def lost_spells(time: Array) -> Rows:
+    """Index of the sample before each interval longer than LOST medians, longest first (g,)."""
+    intervals = np.diff(time)
+    order = np.argsort(-intervals, kind="stable")
+    return order[intervals[order] > LOST * np.median(intervals)]
 
 
 def quantisation_step(values: Array, share: float = 0.99) -> float | None:

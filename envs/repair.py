@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from envs.log import Array, Log, LogError
-from envs.log_statistics import MAD_TO_STD, Rows, spikes, timing
+from envs.log_statistics import MAD_TO_STD, Rows, lost_spells, spikes, timing
 from envs.text_form import counted
 from envs.validation import Finding, columns_of
 
@@ -28,7 +28,7 @@ def repair(log: Log) -> tuple[Log, tuple[Finding, ...]]:
     3. noisy stamps of a regular clock are replaced by it, otherwise rows are sorted and repeated stamps left out;
     4. angles that jump by full turns are unwrapped;
     5. single-sample spikes of the position are replaced by the mean of their neighbours;
-    6. an irregular recording is interpolated to a regular clock (see `resample`).
+    6. an irregular recording is interpolated to a regular clock (see `resample`), but for long gaps.
     """
     done: list[Finding] = []
     steps = (without_broken_rows, without_copies, with_ordered_time, unwrapped, without_spikes, with_regular_clock)
@@ -124,7 +124,7 @@ def without_spikes(log: Log) -> tuple[Log, list[Finding]]:
 
 
 def with_regular_clock(log: Log) -> tuple[Log, list[Finding]]:
-    """`resample` at the median interval where the clock is irregular."""
+    """`resample` at the median interval where the clock is irregular; long gaps stay what they are."""
     if len(log) < 3:
         return log, []
     clock = timing(log.time)
@@ -135,6 +135,9 @@ def with_regular_clock(log: Log) -> tuple[Log, list[Finding]]:
     if MAD_TO_STD * float(np.median(np.abs(intervals - interval))) > 0.1 * interval:
         interval = float(np.mean(intervals))
     regular = resample(log, interval)
+    for row in lost_spells(log.time):
+        begin, end = log.time[row] + 0.5 * interval, log.time[row + 1] - 0.5 * interval
+        regular = rows_of(regular, np.flatnonzero((regular.time < begin) | (regular.time > end)))
     after = np.clip(np.searchsorted(log.time, regular.time), 1, len(log) - 1)
     distance = np.minimum(np.abs(regular.time - log.time[after - 1]), np.abs(regular.time - log.time[after]))
     between = int(np.sum(distance > APART * interval))

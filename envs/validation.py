@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from envs.log import COMMAND_UNIT, PREFIX_OF, Array, Log, LogError
-from envs.log_statistics import MAD_TO_STD, jumps, quantisation_step, spikes, timing
+from envs.log_statistics import MAD_TO_STD, jumps, lost_spells, quantisation_step, spikes, timing
 from envs.text_form import counted
 
 #: Fewer samples than this cannot carry an experiment.
@@ -303,7 +303,7 @@ def position_findings(log: Log, names: Names) -> Iterator[Finding]:
                 joint,
             )
         yield from spike_findings(position, name)
-        lasting = jumps(position)
+        lasting = np.setdiff1d(jumps(position), lost_spells(log.time))  # over a gap a joint may go anywhere
         if len(lasting):
             row = int(lasting[0])
             yield Finding(

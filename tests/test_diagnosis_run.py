@@ -284,6 +284,41 @@ def test_a_quarter_is_kept_apart_without_held_out_logs() -> None:
         arrange([logs[0].slice(0, 300)], [], None)
 
 
+def without_rows(log: Log, *spans: tuple[int, int]) -> Log:
+    """The log without some rows, a..b-1."""
+    lost = np.concatenate([np.arange(a, b) for a, b in spans])
+    return replace(
+        log, **{name: np.delete(getattr(log, name), lost, axis=0) for name in ("time", "command", "position")}
+    )
+
+
+def test_what_lies_between_long_gaps_are_logs_of_their_own() -> None:
+    log = recorded(model_of({}), 1)
+    other = replace(without_rows(recorded(model_of({}), 2), (1000, 1300), (1350, 1400), (2000, 2003)), name="gappy")
+    read = arrange([log, other], [], None)
+    assert [len(part) for part in read.fitted] == [3000, 750, 1947]
+    assert [len(part) for part in read.held_out] == [1000, 250, 650]
+    assert any("gappy" in said and "2 separate parts; 50 samples" in said for said in read.findings)
+    held = other.position.copy()
+    held[1050:] = held[1050]
+    still = arrange([log], [replace(other, position=held)], None)
+    assert [len(part) for part in still.held_out] == [len(other)]
+    short = without_rows(log.slice(0, 1600), *((i, i + 50) for i in range(50, 1600, 100)))
+    assert arrange([short], [log], None).fitted == (short,)
+
+
+def test_a_gap_does_not_spoil_a_diagnosis() -> None:
+    """Over it no model goes on."""
+    model = model_of({"coulomb_friction": {"torque": 0.2}})
+    wanted = [effect for effect in built_in() if effect.name in ("coulomb_friction", "periodic_disturbance")]
+    gappy = without_rows(recorded(model, 2), (1500, 2100))
+    found, *_ = diagnose(arrange([recorded(model, 1), gappy], [recorded(model, 3)], None), effects=wanted)
+    (effect,) = found.joints[0].effects
+    assert found.verdict == "named"
+    assert effect.name == "coulomb_friction"
+    assert effect.parameters[0].physical.value == pytest.approx(0.2, rel=0.002)
+
+
 # -------------------------------------------------------------------------------------------------------------- joints
 
 

@@ -400,6 +400,18 @@ class TestRepair:
         assert "99 of 399 samples are interpolated, not measured" in done[0].text
         assert len(mended) == 399
 
+    def test_long_gaps_are_not_filled_and_what_lies_beyond_is_no_jump(self) -> None:
+        columns = swing()
+        columns["q1"] += np.linspace(0.0, 8.0, 400) ** 2
+        kept = np.r_[0:150, 180:300, 301:400]
+        log = log_of({name: values[kept] for name, values in columns.items()}, velocity=None)
+        found = check(log)
+        assert "gaps" in {finding.kind for finding in found}
+        assert "jump" not in {finding.kind for finding in found}
+        mended, done = repair(log)
+        assert "1 of 370 samples are interpolated, not measured" in done[0].text
+        np.testing.assert_allclose(mended.time, np.delete(columns["t"], np.arange(150, 180)), atol=1e-9)
+
     def test_held_commands_are_not_interpolated(self) -> None:
         t = np.array([0.0, 1.0, 2.0, 4.0])
         log = Log(t, np.array([[0.0], [1.0], [0.0], [1.0]]), t[:, None])

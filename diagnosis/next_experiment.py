@@ -19,7 +19,7 @@ from diagnosis.estimation import Fitted, errors, sensitivities
 from diagnosis.finding import Finding
 from diagnosis.isolability import outside
 from diagnosis.problem import Problem
-from diagnosis.quantities import title
+from diagnosis.quantities import number, title
 from diagnosis.replay import stretch, transfer
 from diagnosis.result import NextExperiment
 from diagnosis.whitening import on_logs
@@ -111,7 +111,7 @@ def _sharpest(
         joint=joint,
         excitation=found[best][0].text,
         purpose=f"to sharpen {name}, the least certain parameter",
-        benefit=f"its standard deviation falls by a factor of {gains[best]:.2g}",
+        benefit=f"its standard deviation falls by a factor of {number(gains[best], 2)}",
         factor=gains[best],
     )
 

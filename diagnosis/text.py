@@ -10,6 +10,7 @@ from io import StringIO
 from diagnosis.quantities import measured, number, percent, plain, quantity, scale_for, title
 from diagnosis.remainder import OWN_SENTENCE
 from diagnosis.result import RAN_AWAY, Alternative, Diagnosis, Estimate, Gap, JointResult, NamedEffect
+from diagnosis.settings import Settings
 
 HEADLINE = {
     "joint_flexibility": "of {stiffness}",
@@ -23,6 +24,12 @@ BY_THEMSELVES = {"axis_coupling", "friction_asymmetry"}
 """Effects each of whose parameters is a strength by itself: the one that stands out most says how strong they are."""
 WITHOUT_VOLTAGE = {"thermal_drift": "to 1/(1 + {resistance_rise}) of the cold torque"}
 """The same on drives whose current does not depend on the resistance: what falls there is the torque of the command."""
+DAMPING = {"viscous": "viscous damping", "back_emf": "back-EMF"}
+"""What the nominal parameters of the damping are called."""
+ELAPSED = "elapsed time"
+"""The signal of the remainder that parameters drift with."""
+RIVAL = Settings.rival
+"""Decrease of -2 log likelihood within which one drift cannot be told from another."""
 ABOVE = 2.0
 """Error, as a multiple of the noise floor, from which a model is not called good to it."""
 ARM = re.compile(r"arm(_shape_\d+)?")
@@ -37,7 +44,8 @@ def describe(effect: NamedEffect, command_unit: str = "V") -> str:
         first = max(effect.parameters, key=lambda p: abs(p.physical.value) / max(p.physical.std, 1e-300))
     plainly = f"of {named[first.name]}"
     own = HEADLINE if command_unit == "V" else HEADLINE | WITHOUT_VOLTAGE
-    return f"{title(effect.name)} {own.get(effect.name, plainly).format(**named)}"
+    said = own.get(effect.name, plainly).format(**named).replace("+ −", "− ")
+    return f"{title(effect.name)} {said}"
 
 
 def rounded(estimate: Estimate) -> str:
@@ -50,7 +58,7 @@ def parameter_title(name: str) -> str:
     effect, _, own = name.partition("@")[0].rpartition(".")
     if ARM.fullmatch(own):
         return "torque of the rest of the arm, as described,"
-    return f"{title(own)} of {title(effect)}" if effect else title(own)
+    return f"{title(own)} of {title(effect)}" if effect else DAMPING.get(own, title(own))
 
 
 def gain(gap: Gap) -> str:
@@ -117,9 +125,12 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
     if joint.verdict == "unknown":
         signals = [d.signal for d in joint.remainder[:2] if d.p_value < 1e-3 and d.signal not in OWN_SENTENCE]
         depends = f"; it depends on {' and '.join(signals)}" if signals else ""
-        drifting = [d for d in joint.drifts if d.is_certain]
-        if drifting and not signals:
-            depends = f"; the {parameter_title(drifting[0].parameter)} does not stay the same over the logs"
+        if not signals or signals[0] == ELAPSED:
+            drifting = [d for d in joint.drifts if d.is_certain]
+            likeliest = [d for d in drifting if d.decrease > drifting[0].decrease - RIVAL]
+            changes = " or ".join(f"the {parameter_title(d.parameter)}" for d in likeliest)
+            own = f"{changes} does not stay the same over the logs" if likeliest else ""
+            depends = (f"{depends}: {own}" if depends else f"; {own}") if own else depends
         if joint.wave is not None:
             turn = "revolution" if joint.position_unit == "rad" else f"{2 * math.pi:.3g} m"
             size = quantity(joint.wave.amplitude, joint.position_unit)
@@ -134,12 +145,14 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
             where = "the held-out logs" if gap and gap.on == "held-out" else "the data kept apart"
             depends = f"; on {where} the model errs {joint.fails_by}"
         measured_gain, third = f" ({adding})" if adding else "", "" if plural else "s"
-        if gap is None or gap.after < gap.before:
-            part = f"{named} explain{third} part of the gap{measured_gain}, but "
-        else:
-            part = f"{named} fit{third} these logs better but not others{measured_gain}, and "
-        found = part if named else ""
-        return f"{found}something is missing that no known effect explains{depends}"
+        missing = f"something is missing that no known effect explains{depends}"
+        if not named:
+            return missing
+        if gap is not None and gap.after >= gap.before:
+            return f"{missing}; {named} fit{third} these logs better but not others{measured_gain}"
+        part = f"{named} explain{third} part of the gap{measured_gain}"
+        is_less = gap is not None and gap.closed is not None and gap.closed < 0.5
+        return f"{missing}; {part}" if is_less else f"{part}, but {missing}"
     missing = f"{named} {'are' if plural else 'is'} missing{f'; {adding}' if adding else ''}"
     rivals = sorted(
         {with_joint(other, effect, title(other.name)) for effect in joint.effects for other in effect.alternatives}

@@ -22,6 +22,11 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
+def lasting(seconds: float) -> str:
+    """A time span in milliseconds, or in seconds from one on: 13 ms, 1.3 s."""
+    return f"{seconds:.3g} s" if seconds >= 1.0 else f"{1e3 * seconds:.3g} ms"
+
+
 def split_assignments(text: str, separator: str) -> dict[str, str]:
     """``a=1,b=2`` as a mapping; `separator` stands between name and value. Raises TextFormError."""
     assignments: dict[str, str] = {}

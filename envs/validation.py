@@ -10,7 +10,7 @@ import numpy as np
 
 from envs.log import COMMAND_UNIT, PREFIX_OF, Array, Log, LogError
 from envs.log_statistics import MAD_TO_STD, jumps, lost_spells, quantisation_step, spikes, timing
-from envs.text_form import counted
+from envs.text_form import counted, lasting
 
 #: Fewer samples than this cannot carry an experiment.
 MINIMUM_SAMPLES = 16
@@ -280,7 +280,7 @@ def clock_findings(log: Log, names: Names) -> Iterator[Finding]:
         yield Finding(
             "gaps",
             f"about {counted(clock.missing, 'sample')} ({clock.missing / (len(log) + clock.missing):.1%}) missing in "
-            f"{counted(gaps, 'gap')}, the longest {1e3 * clock.largest_gap:.3g} ms, the first after row "
+            f"{counted(gaps, 'gap')}, the longest {lasting(clock.largest_gap)}, the first after row "
             f"{int(clock.gap_rows[0]) + 1}",
         )
 

@@ -1097,6 +1097,20 @@ def test_rivals_that_fail_stay_in_the_table() -> None:
     assert row.step == "least squares"
 
 
+def test_least_squares_has_a_winding_where_a_voltage_drives_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    from diagnosis import rivals
+
+    asked: list[tuple[str, ...]] = []
+    monkeypatch.setattr(rivals, "methods", lambda smooth, columns, *given, **named: asked.append(columns) or {})
+    read = read_of(model_of({}))
+    problem = stack(build(built_in()), read.held_out, (1,))
+    for kind in ("voltage", "current", "torque"):
+        logs = [replace(log, facts=(replace(log.facts[0], input=kind),)) for log in read.fitted]
+        rng = np.random.default_rng(0)
+        rivals.rival_rows(logs, logs, problem, 1, (1.0, 0.0), rng, gravity="none", networks=False)
+    assert ["jerk" in columns for columns in asked] == [True, False, False]
+
+
 def test_least_squares_has_the_gravity_of_the_nominal_model() -> None:
     from diagnosis.rivals import rival_rows
 

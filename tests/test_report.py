@@ -23,6 +23,7 @@ from diagnosis.output import to_json
 from diagnosis.patchwork import Patchwork
 from diagnosis.problem import DIVERGED
 from diagnosis.quantities import measured, number, percent, plain, quantity, unbroken
+from diagnosis.remainder import Drift
 from diagnosis.report import HELPED, MEANING, UNCERTAIN, adequacy, render
 from diagnosis.result import (
     Alternative,
@@ -395,7 +396,34 @@ def test_the_sentence_of_an_unknown_cause_says_whether_other_logs_gain() -> None
     helps = "explains part of the gap (adding it cuts the held-out error from 41.2 to 3.12 mrad, noise floor 1.01 mrad)"
     assert f"{helps}, but something is missing" in joint_sentence(result, gap)
     worse = "fits these logs better but not others (adding it changes the held-out error from 41.2 to 50.0 mrad"
-    assert worse in joint_sentence(result, replace(gap, after=0.05))
+    assert worse in joint_sentence(result, replace(gap, after=0.05, closed=-0.2))
+    little = joint_sentence(result, replace(gap, after=0.035, closed=0.17))
+    assert little.startswith("Joint 1: something is missing that no known effect explains")
+    assert "; Coulomb friction of 6.91 ± 0.12 N m explains part of the gap (adding it" in little
+
+
+def test_the_sentence_names_the_parameters_that_drift_where_only_time_tells() -> None:
+    time_alone = (SignalDependence("elapsed time", 900.0, 8, 0.0),)
+    drifts = tuple(
+        Drift(name, decrease, 4, 0.0, 0.05)
+        for name, decrease in (("viscous@0", 601.0), ("inertia@0", 598.0), ("back_emf@0", 580.0))
+    )
+    joint = replace(joint_result(1, "unknown", "train"), effects=(), remainder=time_alone, drifts=drifts)
+    either = "; it depends on elapsed time: the viscous damping or the inertia does not stay the same over the logs."
+    assert joint_sentence(joint, None).endswith(either)
+    assert joint_sentence(replace(joint, drifts=()), None).endswith("; it depends on elapsed time.")
+    position = (SignalDependence("position", 950.0, 8, 0.0), *time_alone)
+    assert joint_sentence(replace(joint, remainder=position), None).endswith(
+        "; it depends on position and elapsed time."
+    )
+    only = joint_sentence(replace(joint, remainder=(), drifts=drifts[:1]), None)
+    assert only.endswith("; the viscous damping does not stay the same over the logs.")
+
+
+def test_a_torque_that_grows_with_the_heat_has_one_sign() -> None:
+    rise = ParameterEstimate("resistance_rise", *2 * [Estimate(-0.23, 0.14, "1")])
+    said = plain(describe(replace(friction(1), name="thermal_drift", parameters=(rise,)), "A"))
+    assert said == "thermal drift to 1/(1 − 0.23 ± 0.14) of the cold torque"
 
 
 def test_the_sentence_says_how_the_readings_err() -> None:

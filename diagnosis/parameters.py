@@ -320,7 +320,7 @@ def heat(problem: Problem, point: Point, j: int) -> float:
 def _simulated(problem: Problem, point: Point, j: int, interval: float) -> float:
     """What the simulation leaves after an interval of what the torque behind a winding was away from where it goes."""
     row = point.parameters[0, j]
-    steps = problem.kernel.module._steps(row[None], point.switches[None, j], interval, problem.substeps)
+    steps = problem.kernel.steps(row[None], point.switches[None, j], interval, problem.substeps)
     x = interval / steps / row[LAG]
     return math.exp(-interval / row[LAG]) if x > LONGEST else (1 - x + x**2 / 2 - x**3 / 6 + x**4 / 24) ** steps
 

@@ -243,7 +243,12 @@ class Problem:
     ) -> Array:
         """Prediction errors (C, T, n) of C candidates: parameters (C, L, n, columns), switches (C, n, effects)."""
         out = np.empty((len(parameters), len(self.time), self.joints))
-        self.work.add(len(parameters) * len(self.time) * (substeps or self.substeps))
+        interval = float(self.instants[1] - self.instants[0])
+        steps = (
+            self.kernel.steps(own[0], on, interval, substeps or self.substeps)
+            for own, on in zip(parameters, switches, strict=True)
+        )
+        self.work.add(sum(steps) * len(self.time))
         self.kernel.batch(
             self.instants,
             self.command,

@@ -62,7 +62,7 @@ class Settings:
     relevant: float = 0.008
     inexact: float = 0.1
     seen: float = 0.0015
-    budget: int = 10_000
+    budget: int = 12_000
 
     def shared(self, parts: int) -> Settings:
         """The same with the budget divided among problems that are searched one after the other, down to a quarter."""

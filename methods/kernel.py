@@ -279,6 +279,11 @@ class Kernel:
             spec.loader.exec_module(module)
         return sys.modules[name]
 
+    def steps(self, parameters: Array, switches: np.ndarray, interval: float, substeps: int) -> int:
+        """Steps per interval between samples, of which there are `substeps` or, where something acts within less than
+        one, a multiple: parameters (n, columns), switches (n, effects)."""
+        return int(self.module._steps(parameters, switches, interval, substeps))
+
     def motion(self, *arguments: Any) -> None:
         """The generated `run`, which also writes the motion, by its quicker twin where that is about a single joint."""
         if arguments[1].shape[1] > 1:

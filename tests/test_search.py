@@ -1147,6 +1147,17 @@ def test_laws_are_exchanged_for_a_while_only_where_little_is_left(monkeypatch: p
         assert Counter(tried) == begun
 
 
+def test_a_budget_is_of_steps_of_which_friction_that_turns_takes_several() -> None:
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000))
+    plainly = fit_nominal(problem, (JointStructure(),)).point
+    law = NAMED["rounded_coulomb_friction"]
+    for values, times in (([0.2, 10.0], 1), ([0.2, 1e-4], 4)):
+        rounded = extend(problem, plainly, Hypothesis(law, 0), np.array([values]))
+        before = problem.work.steps
+        errors(problem, [plainly, rounded])
+        assert problem.work.steps - before == (1 + times) * problem.substeps * len(problem.time)
+
+
 @pytest.mark.slow
 def test_a_stand_in_for_two_laws_gives_way_to_both() -> None:
     """Stribeck friction that falls with the speed is dry friction, drag and damping together."""

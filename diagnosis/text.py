@@ -72,6 +72,8 @@ def gain(gap: Gap) -> str:
         return (
             f"makes the {error_name(gap)} {after} {unit} where the nominal model runs away, noise floor {floor} {unit}"
         )
+    if before == after:
+        return f"leaves the {error_name(gap)} at {after} {unit}, noise floor {floor} {unit}"
     verb = "cuts" if gap.after < gap.before else "changes"
     return f"{verb} the {error_name(gap)} from {before} to {after} {unit}, noise floor {floor} {unit}"
 

@@ -397,6 +397,8 @@ def test_the_sentence_of_an_unknown_cause_says_whether_other_logs_gain() -> None
     assert f"{helps}, but something is missing" in joint_sentence(result, gap)
     worse = "fits these logs better but not others (adding it changes the held-out error from 41.2 to 50.0 mrad"
     assert worse in joint_sentence(result, replace(gap, after=0.05, closed=-0.2))
+    same = gain(replace(gap, before=0.0029, after=0.0029))
+    assert same == "leaves the held-out error at 2.90 mrad, noise floor 1.01 mrad"
     little = joint_sentence(result, replace(gap, after=0.035, closed=0.17))
     assert little.startswith("Joint 1: something is missing that no known effect explains")
     assert "; Coulomb friction of 6.91 ± 0.12 N m explains part of the gap (adding it" in little

@@ -132,6 +132,10 @@ def plain(problem: Problem, fitted: Fitted) -> Fitted:
 
 SINGULAR = 1e-14
 """Share of the largest eigenvalue of the scaled information below which a direction is not determined at all."""
+SHORT_STEP = 1e-4
+"""Steps of the differences that tell how certain parameters are, as a share of their sizes."""
+ROUGH_STEP = 1e-3
+"""The same where small causes grow."""
 FAR = 1e3
 """Sizes of a parameter that one which is not determined, nor bounded, may be off."""
 LAGS = 60
@@ -204,12 +208,16 @@ def sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e
     return _slopes(problem, point, error, forward_steps(point, step), first)
 
 
-def precise_sensitivities(problem: Problem, point: Point, error: Array, step: float = 1e-3) -> Array:
-    """The same to second order, by central differences, or by two on one side at a bound.
+def precise_sensitivities(problem: Problem, point: Point, error: Array) -> Array:
+    """The same to second order, by central differences over short steps, or by two on one side at a bound.
 
     Where parameters can nearly stand in for one another, what is left of their difference is of the second order: a
-    forward difference may err by more than that, and the parameters then seem far more certain than they are.
+    forward difference may err by more than that, and the parameters then seem far more certain than they are. So may
+    a central one over a step that is not much less than the width of a resonance, a few per cent of its frequency.
+    Where small causes grow a short step would tell of a single history only.
     """
+    is_rough = any(scatters(problem, point, j) for j in range(problem.joints))
+    step = ROUGH_STEP if is_rough else SHORT_STEP
     vector, steps, (lower, upper) = point.vector, forward_steps(point, step), point.bounds
     central = (vector - steps >= lower) & (vector - steps <= upper)
     one = _slopes(problem, point, error, steps)

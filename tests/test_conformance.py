@@ -35,6 +35,7 @@ SLOW = frozenset(
         "diagnosis",
         "ensemble_sindy",
         "gaussian_process",
+        "full-model",
         "kalman_filter",
         "mujoco_sysid",
         "network_alone",

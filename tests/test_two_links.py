@@ -73,10 +73,11 @@ def moved(
 @pytest.mark.parametrize(
     ("pull", "load", "expected"),
     [
-        (
+        pytest.param(
             (0.5, 0.3),
             0.0,
             {("gravity_tilt", 0): (-0.7, 0.42), ("gravity_tilt", 1): (-0.15, 0.09)},
+            marks=pytest.mark.slow,
         ),
         pytest.param(
             (0.0, 0.0), LOAD, {("payload_change_carried", 1): (0.072, PICKED_UP, 4 / 3)}, marks=pytest.mark.slow

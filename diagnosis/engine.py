@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -241,7 +241,8 @@ def in_motion(
     if path.accepted and is_enough(path.base):
         return Banded(inner, path)
     shorter = inner.needed(path)
-    return Banded(inner, inner.needed(inner.exchanged(path)) if inner.doubts(shorter) else shorter)
+    doubts = inner.doubts(shorter, inner.pieces(shorter))
+    return Banded(inner, inner.needed(inner.exchanged(path)) if doubts else shorter)
 
 
 def continued(search: Search, banded: Banded | None, most: float, held_out: Problem | None) -> Finding | None:
@@ -967,10 +968,11 @@ class Search:
         """The joints (by index) whose effects only describe another law."""
         return patchwork(self.problem, path.base, path.accepted, self.settings.rival)
 
-    def doubts(self, path: Path) -> bool:
-        """Whether something is left that no effect of the path explains, or they are not what they seem."""
+    def doubts(self, path: Path, pieces: Mapping[int, Patchwork]) -> bool:
+        """Whether something is left that no effect of the path explains, or they are not what they seem. pieces: of the
+        path (`pieces`)."""
         problem, settings, base = self.problem, self.settings, path.base
-        if verdict(problem, self.nominal, base, path.accepted, path.left, settings) == "unknown" or self.pieces(path):
+        if verdict(problem, self.nominal, base, path.accepted, path.left, settings) == "unknown" or pieces:
             return True
         if not all(stays_itself(problem, replace(item.scored, fitted=base)) for item in path.accepted):
             return True
@@ -999,7 +1001,9 @@ class Search:
         accepted = [disguised(problem, base, item, accepted, self.effects, settings) for item in accepted]
         accepted = [other_laws(in_other_terms(problem, base, item, self.effects, settings)) for item in accepted]
         said = verdict(problem, nominal, base, accepted, left, settings)
-        if self.doubts(replace(path, accepted=tuple(accepted), base=base, left=left)):
+        path = replace(path, accepted=tuple(accepted), base=base, left=left)
+        pieces = self.pieces(path)
+        if self.doubts(path, pieces):
             said = "unknown"
         if said != "unknown":
             accepted, base = left_undecided(problem, arm_damping_open(problem, base), accepted, self.effects)
@@ -1011,7 +1015,7 @@ class Search:
             left,
             path.steps,
             refused=path.refused,
-            patched=patchwork(problem, base, accepted, settings.rival),
+            patched=pieces,
             optima=path.optima,
             traded=traded,
             is_cut=said == "unknown" and path.is_cut,

@@ -303,9 +303,9 @@ def position_findings(log: Log, names: Names) -> Iterator[Finding]:
                 joint,
             )
         yield from spike_findings(position, name)
-        lasting = np.setdiff1d(jumps(position), lost_spells(log.time))  # over a gap a joint may go anywhere
-        if len(lasting):
-            row = int(lasting[0])
+        moved = np.setdiff1d(jumps(position), lost_spells(log.time))  # over a gap a joint may go anywhere
+        if len(moved):
+            row = int(moved[0])
             yield Finding(
                 "jump",
                 f"{name} jumps by {position[row + 1] - position[row]:.3g} {log.facts[column].position_unit} after row "

@@ -1350,7 +1350,7 @@ def test_other_laws_are_tried_in_the_band_of_the_motion_before_the_whole_band_be
         return replace(path, base=item.scored.fitted, accepted=(item,))
 
     monkeypatch.setattr(Search, "grown", grown)
-    monkeypatch.setattr(Search, "doubts", lambda search, path: doubts)
+    monkeypatch.setattr(Search, "doubts", lambda search, path, pieces: doubts)
     monkeypatch.setattr(Search, "exchanged", lambda search, path: replace(path, steps=(*path.steps, path.base)))
     enough = None if is_enough is None else lambda fitted: bool(is_enough)
     found = in_motion(problem, (JointStructure(),), EFFECTS, Settings(), lambda text: None, is_enough=enough)

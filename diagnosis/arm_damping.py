@@ -34,13 +34,24 @@ def arm_damping_settled(problem: Problem, fitted: Fitted) -> Fitted:
     A damped arm and a damped motor may be two optima, so it is begun with none of the viscous friction on the arm, with
     all of it, and, as back-EMF stands for it where a voltage drives, with half of all damping; and with all of the laws
     of friction there, and with some. The one that comes closest as it is may only have stopped short. Viscous friction
-    on the wrong side may stand for another law there, and is asked again.
+    on the wrong side may stand for another law there, and is asked again; so is what is there already, which may have
+    made up for an effect that was not there yet.
     """
     if problem.pair:
         return fitted
+    fitted = _needed(problem, fitted, "arm_viscous")
     fitted = _settled(problem, fitted, "arm_viscous", _is_split, _begun_viscous)
     moved = _settled(problem, fitted, "arm_friction", rubs, _begun_rubbing)
     return fitted if moved is fitted else _settled(problem, moved, "arm_viscous", _is_split, _begun_viscous)
+
+
+def _needed(problem: Problem, fitted: Fitted, name: str) -> Fitted:
+    """The fit without a nominal parameter of the arm's side where it is no longer worth its price."""
+    joints = [f.joint for f in fitted.point.free if f.name.startswith(f"{name}@")]
+    if not joints:
+        return fitted
+    less = free_of_filter(problem, taken_back(fitted.point, name, joints))
+    return less if less.criterion < fitted.criterion + len(joints) * float(np.log(fitted.samples)) else fitted
 
 
 def _settled(

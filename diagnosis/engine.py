@@ -110,7 +110,7 @@ REFINED = 0.25
 """Budgets of simulations that laws may be exchanged for where no more is left than noise and inexact laws leave."""
 WHOLE = 0.1
 """Share of all that is left that a general form has to promise to be tried as what explains all of it."""
-END = 2.0
+END = 1.5
 """Budgets of simulations after which a search seeks no further effects."""
 FORESEEN = 50.0
 """Rms of the nominal errors over that of their innovations from which the band of the motion is searched first."""
@@ -157,7 +157,10 @@ def _find(
     settled = None if longer is None or longer.verdict == "unknown" else longer
     if settled is not None and not is_foreseen(problem, settled.final):
         return quiet(problem, settled, effects, settings, held_out)
-    whole = search.concluded(search.completed(search.grown(search.start)), held_out)
+    if longer is not None and search.is_over:
+        whole = longer
+    else:
+        whole = search.concluded(search.completed(search.grown(search.start)), held_out)
     if settled is not None:  # its errors are as slow as those of the nominal model were: noise, or another law
         likelier = cost(problem, settled.final, settled.accepted) - settings.threshold
         if cost(problem, whole.final, whole.accepted) >= likelier:
@@ -934,7 +937,7 @@ class Search:
         best, rubbing = path, tuple(item for item in path.accepted if acts_on_either_side(item.effect))
         rigid = tuple(item for item in path.accepted if not item.effect.parts_the_arm)
         for kept in dict.fromkeys((rigid, rubbing, ())):
-            if best is not path and not self.incomplete(best):
+            if self.is_over or (best is not path and not self.incomplete(best)):
                 break
             begun = self.reduced(path, kept) if kept else self.start
             ranked = plays(self.problem, begun.base, self.candidates(begun, is_full=False))

@@ -20,7 +20,7 @@ from scipy.signal import savgol_filter
 from envs.log import Array, Log
 from envs.log_statistics import quantisation_step
 from methods.effects.base import Scales
-from methods.kernel import BEGINNING, DAMPING, NOMINAL, Kernel
+from methods.kernel import BEGINNING, DAMPING, LANES, NOMINAL, Kernel
 
 SEGMENT = 60_000  # samples of one segment of a long recording
 DIVERGED = 1e6  # prediction error [rad or m] that stands for a simulation that left all bounds
@@ -77,14 +77,18 @@ class Stamps:
 
 @dataclass
 class Work:
-    """Steps of all simulations of candidates so far, one per sample or per several: the same on any machine."""
+    """Steps of all simulations of candidates so far, one per sample or several: the same on any machine.
 
-    steps: int = 0
+    Candidates are simulated several at once, which takes as long as one of them: so lanes that stay idle count as well.
+    """
+
+    steps: float = 0
     _adding: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
-    def add(self, steps: int) -> None:
+    def add(self, steps: int, runs: int = LANES) -> None:
+        """So many steps in all of so many runs at once."""
         with self._adding:
-            self.steps += steps
+            self.steps += steps * (1.0 + (-runs % LANES) / runs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +252,7 @@ class Problem:
             self.kernel.steps(own[0], on, interval, substeps or self.substeps)
             for own, on in zip(parameters, switches, strict=True)
         )
-        self.work.add(sum(steps) * len(self.time))
+        self.work.add(sum(steps) * len(self.time), len(parameters) * self.logs)
         self.kernel.batch(
             self.instants,
             self.command,

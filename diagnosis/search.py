@@ -20,7 +20,7 @@ from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS
 from diagnosis.problem import Problem
 from diagnosis.regression import View
 from diagnosis.resonance import ringing
-from diagnosis.turns import either_way, free_of_filter, to_errors, to_innovations
+from diagnosis.turns import either_way, free_of_filter, to_errors
 from diagnosis.whitening import whitener
 from envs.log import Array
 from methods.effects.base import Effect, Scales
@@ -47,6 +47,10 @@ COLOURED = 5.0
 """Rms of the errors over that of their innovations from which that is done."""
 MET = 2
 """Starting values from which an effect is fitted in whose motion small causes grow."""
+FEW = 3
+"""Sensitivities by which fits to the errors as they are begin, of which the nearest ones are carried on."""
+NEARBY = 4.0
+"""Sum of squares, over that of the nearest one, up to which fits of such effects are."""
 BEHIND = (0.0, 0.1, 0.2, 0.4)
 """Shares of all damping behind a play with which it is begun."""
 LIGHTER = (1.0, 0.8)
@@ -185,15 +189,56 @@ def on_all(
 
 
 def rung(problem: Problem, base: Fitted, effect: Effect, joint: int) -> list[tuple[Start, Fitted]]:
-    """The best fit of an effect from where it rings as the errors do, first to these as they are."""
-    fits = each(lambda item: (item[0], to_errors(problem, item[1])), ringing(problem, base, effect, joint))
-    if not fits:
+    """The best fit of an effect from where it rings as the errors do, first to these as they are; the one that a few
+    steps have brought nearest is carried on."""
+    begun = each(lambda item: (item[0], to_errors(problem, item[1], FEW)), ringing(problem, base, effect, joint))
+    if not begun:
         return []
-    start, best = min(fits, key=lambda item: item[1].criterion)
-    return [(start, to_innovations(problem, best))]
+    start, nearest = min(begun, key=lambda item: item[1].criterion)
+    return [(start, free_of_filter(problem, nearest.point))]
 
 
-def met(
+def met(problem: Problem, base: Fitted, effect: Effect, joint: int, size: Scales) -> list[tuple[Start, Fitted]]:
+    """The best fit of an effect in whose motion small causes grow, begun where it comes closest as it is.
+
+    A regression on what it would do to the prediction tells nothing there: the same blow a little later is another
+    motion. Simulated with each of its starting values, and with a filter of its own, it shows at once.
+    """
+    close = closest(problem, base, effect, joint, size)
+    fits = each(lambda task: (task[1][0], task[0](problem, task[1][1])), product(WAYS, close))
+    return [min(fits, key=lambda item: item[1].criterion)] if fits else []
+
+
+def plays(
+    problem: Problem, base: Fitted, effects: Sequence[tuple[Effect, int]], *, is_sought: bool = True
+) -> list[Scored]:
+    """Of all effects those in whose motion small causes grow, begun from everywhere, best first.
+
+    They are also begun with some of the damping behind the play and with less inertia, since a joint without a play
+    makes up for it by more; with all damping on the wrong side no play comes close. Those that a few steps have brought
+    nearly as near to the readings as the nearest one, and nearer than the base, are fitted as in `met`.
+    is_sought: where none comes close by itself, as beside a winding's lag that stands for the play, those that come
+    closest are fitted nevertheless.
+    """
+    sizes = sizes_of(problem, base)
+    from_everywhere = partial(closest, problem, base, is_thorough=True, is_sought=is_sought)
+    begun = [item for effect, j in effects for item in from_everywhere(effect, j, sizes[j])]
+    if not begun:
+        return []
+    tried = each(lambda item: to_errors(problem, item[1], iterations=FEW), begun)
+    squares = [float(np.sum(fitted.error[problem.used] ** 2)) for fitted in tried]
+    most = max(min(squares), min(float(np.sum(base.error[problem.used] ** 2)), NEARBY * min(squares)))
+    near = [item for item, square in zip(begun, squares, strict=True) if square <= most]
+    fits = each(lambda task: (task[1][0], task[0](problem, task[1][1])), product(WAYS, near))
+    scored = sorted((score(problem, base, *found) for found in fits), key=lambda s: -s.evidence)
+    return list({(s.name, s.start.hypothesis.joint): s for s in reversed(scored)}.values())[::-1]
+
+
+WAYS: tuple[Callable[[Problem, Point], Fitted], ...] = (partial(fit, rounds=2, iterations=8), free_of_filter)
+"""How an effect is fitted in whose motion small causes grow."""
+
+
+def closest(
     problem: Problem,
     base: Fitted,
     effect: Effect,
@@ -202,16 +247,9 @@ def met(
     *,
     is_thorough: bool = False,
     is_sought: bool = False,
-) -> list[tuple[Start, Fitted]]:
-    """The best fit of an effect in whose motion small causes grow, begun where it comes closest as it is.
-
-    A regression on what it would do to the prediction tells nothing there: the same blow a little later is another
-    motion. Simulated with each of its starting values, and with a filter of its own, it shows at once.
-    is_thorough: also begun with some of the damping behind the play and with less inertia, since a joint without a play
-    makes up for it by more; with all damping on the wrong side no play comes close.
-    is_sought: where none comes close by itself, as beside a winding's lag that stands for the play, those that come
-    closest are fitted nevertheless.
-    """
+) -> list[tuple[Start, Point]]:
+    """An effect in whose motion small causes grow, with those of its starting values that do better than the base by
+    themselves, `MET` at most; is_thorough, is_sought: see `plays`."""
     if not effect.scatters or effect.starts is None:
         return []
     every = [np.tile(np.array(values, float), (problem.logs, 1)) for values in effect.starts(size)]
@@ -226,33 +264,17 @@ def met(
     cost = price(problem, starts[0], base.samples)
     count, before = max(2, min(AT_ONCE, MEMORY // base.error.size)), float(np.sum(base.error[problem.used] ** 2))
     close: list[tuple[float, Start, Point]] = []
-    closest: list[tuple[float, Start, Point]] = []
+    every_one: list[tuple[float, Start, Point]] = []
     for first_one in range(0, len(points), count):
         part = slice(first_one, first_one + count)
         outcomes = list(zip(starts[part], points[part], errors(problem, points[part]), strict=True))
         squares = [float(np.sum(error[problem.used] ** 2)) for _, _, error in outcomes]
         nearer = [item for item, square in zip(outcomes, squares, strict=True) if square < before]
         close += each(lambda item: (unfitted(problem, base, *item[1:]).criterion, *item[:2]), nearer)
-        closest += [(square, *item[:2]) for item, square in zip(outcomes, squares, strict=True)]
-    close = sorted((item for item in close if item[0] + cost < base.criterion), key=lambda item: item[0])[:MET]
-    if is_sought and not close:
-        close = sorted(closest, key=lambda item: item[0])[:MET]
-    ways: list[Callable[[Point], Fitted]] = [
-        partial(fit, problem, rounds=2, iterations=8),
-        partial(free_of_filter, problem),
-    ]
-    fits = each(lambda task: (task[1][1], task[0](task[1][2])), product(ways, close))
-    return [min(fits, key=lambda item: item[1].criterion)] if fits else []
-
-
-def plays(
-    problem: Problem, base: Fitted, effects: Sequence[tuple[Effect, int]], *, is_sought: bool = True
-) -> list[Scored]:
-    """Of all effects those in whose motion small causes grow, begun from everywhere (`met`), best first."""
-    sizes = sizes_of(problem, base)
-    thorough = partial(met, problem, base, is_thorough=True, is_sought=is_sought)
-    begun = [found for effect, j in effects for found in thorough(effect, j, sizes[j])]
-    return sorted((score(problem, base, *found) for found in begun), key=lambda s: -s.evidence)
+        every_one += [(square, *item[:2]) for item, square in zip(outcomes, squares, strict=True)]
+    better = [item for item in close if item[0] + cost < base.criterion]
+    chosen = better or (every_one if is_sought else [])
+    return [item[1:] for item in sorted(chosen, key=lambda item: item[0])[:MET]]
 
 
 def apportioned(problem: Problem, point: Point, joint: int) -> list[Point]:

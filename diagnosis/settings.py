@@ -39,8 +39,8 @@ class Settings:
     effect needs half of that, or all beside one in which small causes grow and, where it is weak, beside one that
     follows the same signal. inexact: share of what was explained above
     which no such excuse holds, unless the torque stays below `seen`: rounding is not quite noise.
-    budget: simulations of all logs, of each joint by itself, after which no other ways are tried; after twice as many
-    no further effects are sought. It is that of simulations of `LENGTH` steps; of others more or fewer, in
+    budget: simulations of all logs, of each joint by itself, after which no other ways are tried; after half as many
+    again no further effects are sought. It is that of simulations of `LENGTH` steps; of others more or fewer, in
     proportion.
     """
 

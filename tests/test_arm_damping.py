@@ -27,7 +27,7 @@ from diagnosis.nominal import JointStructure, fit_nominal, point_at
 from diagnosis.problem import Problem, stack
 from diagnosis.pruning import without
 from diagnosis.regression import View
-from diagnosis.search import met, price, try_all
+from diagnosis.search import met, plays, price, try_all
 from envs.log import JointFacts, Log
 from methods.effects import built_in
 from methods.kernel import NOMINAL, build
@@ -327,7 +327,7 @@ def test_a_play_of_which_the_encoder_sees_the_arm_is_begun_with_damping_behind_i
     base = fit_nominal(problem, (JointStructure(),))
     size = sizes_of(problem, base)[0]
     plain = met(problem, base, effect, 0, size)
-    ((_, fitted),) = met(problem, base, effect, 0, size, is_thorough=True)
+    fitted = plays(problem, base, [(effect, 0)], is_sought=False)[0].fitted
     assert fitted.criterion < min([base.criterion, *(other.criterion for _, other in plain)]) - 10_000.0
     gap = fitted.point.parameters[0, 0, KERNEL.own(effect)][0]
     assert gap == pytest.approx(0.021, rel=0.1)

@@ -133,6 +133,7 @@ LANE_ROWS = (
     *("PARTED", "SPRING", "GIVEN", "BEHIND", "DRIVE", "ANGLE", "RATE", "ROTOR", "TURNING", "STEEP", "STIFFENED"),
     *("LOADED", "INSTANT", "SUDDEN", "EVERY", "SEEN", "TIED", "LAGGED", "LAG_TIME"),
     *("COMMANDED", "GIVEN_FIRST", "GIVEN_HIGH", "GIVEN_LOW", "JUMPED"),
+    *("MINE", "OWN_STEP", "PER_STEP", "QUICK", "PUSHED", "DQ_BEFORE", "DQL_BEFORE"),
     *("DRAWN", "BEFORE", "CURRENT_FIRST", "CURRENT_HIGH", "CURRENT_LOW"),
     *("WARM", "WARMER", "WARMING_TIME", "COPPERED", "STEADIED", "MEAN_SQUARE"),
 )
@@ -1350,29 +1351,42 @@ def _as_weight(p, on):
 
 
 @njit(cache=True, error_model='numpy')
-def _finer(P, on, h):
-    """Factor on the number of steps of length h: friction that is rounded has to turn within several of them, a winding
-    lag that is no delay has to last for one, and so do the blows of a play and what swings on bristles. What dry
-    friction holds on one side of a spring or a play, and lets go, is right to second order only."""
+def _steepness(p, on):
+    """Steepest slope of friction that is rounded, over the velocity, and the inertia that it acts on."""
+    slope, moved = 0.0, p[INERTIA]
+    if ROUND >= 0 and on[ROUND]:
+        slope = p[ROUND_P] / p[ROUND_P + 1]
+    if TAPER >= 0 and on[TAPER]:
+        slope = max(slope, p[TAPER_P] / p[TAPER_P + 1])
+    if BLEND >= 0 and on[BLEND]:
+        slope = max(slope, (p[BLEND_P] + p[BLEND_P + 1]) / p[BLEND_P + 4])
+    if YIELD >= 0 and on[YIELD]:
+        slope = max(slope, p[YIELD_P + 2] * p[INERTIA] / p[YIELD_P + 1])
+    if (_flexible(on) or _playing(on)) and p[ARM_FRICTION] > 0.0:
+        moved *= max(p[_share_column(on)], SMALL)
+    return slope, moved
+
+
+@njit(cache=True, error_model='numpy')
+def _mobility(p, on):
+    """One over the inertia that the motor moves by itself."""
+    share = p[_share_column(on)] if _flexible(on) or _playing(on) else 0.0
+    return 1.0 / (p[INERTIA] * (1.0 - share))
+
+
+@njit(cache=True, error_model='numpy')
+def _finer(P, on, h, turning):
+    """Factor on the number of steps of length h: friction that is rounded has to turn within several of them
+    (`turning`), a winding lag that is no delay has to last for one, and so do the blows of a play and what swings on
+    bristles. What dry friction holds on one side of a spring or a play, and lets go, is right to second order only."""
     count = 1
     for j in range(P.shape[0]):
         while count < 4 and P[j, ELECTRICAL] > 0.2 * h and count * P[j, ELECTRICAL] < h:
             count *= 2
-        slope = 0.0
-        if ROUND >= 0 and on[j, ROUND]:
-            slope = P[j, ROUND_P] / P[j, ROUND_P + 1]
-        if TAPER >= 0 and on[j, TAPER]:
-            slope = max(slope, P[j, TAPER_P] / P[j, TAPER_P + 1])
-        if BLEND >= 0 and on[j, BLEND]:
-            slope = max(slope, (P[j, BLEND_P] + P[j, BLEND_P + 1]) / P[j, BLEND_P + 4])
-        if YIELD >= 0 and on[j, YIELD]:
-            slope = max(slope, P[j, YIELD_P + 2] * P[j, INERTIA] / P[j, YIELD_P + 1])
-        moved = P[j, INERTIA]
         if _flexible(on[j]) or _playing(on[j]):
-            if P[j, ARM_FRICTION] > 0.0:
-                moved *= max(P[j, _share_column(on[j])], SMALL)
             count = max(count, 2 if _dry(on[j]) else 1)
-        while count < 4 and slope * h > 0.4 * count * moved:
+        slope, moved = _steepness(P[j], on[j])
+        while turning and count < 4 and slope * h > 0.4 * count * moved:
             count *= 2
         if _bristled(on[j]):
             first = _bristle_column(on[j])
@@ -1389,7 +1403,50 @@ def _finer(P, on, h):
 @njit(cache=True, error_model='numpy')
 def _steps(P, on, dt, substeps):
     """Steps per sample of dt, given parameters (n, columns) and switches (n, effects)."""
-    return 1 if P[0, STEPPING] > 0.0 else substeps * _finer(P, on, dt / substeps)
+    return 1 if P[0, STEPPING] > 0.0 else substeps * _finer(P, on, dt / substeps, True)
+
+
+@njit(cache=True, error_model='numpy')
+def _calm_steps(P, on, dt, substeps):
+    """The same for samples in which a single joint is too fast for its rounded friction to turn, if they are fewer."""
+    steps, p = _steps(P, on, dt, substeps), P[0]
+    fewer = steps if P.shape[0] > 1 or p[STEPPING] > 0.0 else substeps * _finer(P, on, dt / substeps, False)
+    lags = (LAG >= 0 and on[0, LAG]) or 0.0 < p[ELECTRICAL] < 0.5 * dt / fewer
+    held = (YIELD >= 0 and on[0, YIELD]) or _bristled(on[0]) or _any_of(AT_REST, on[0])
+    return steps if lags or held or _commanding(on[0]) else fewer
+
+
+@njit(cache=True, error_model='numpy')
+def _quick(p, on, h):
+    """Velocity beyond which rounded friction no longer turns: its slope takes less than a twentieth of a velocity in a
+    step of length h."""
+    quick, moved = 0.0, _steepness(p, on)[1]
+    share = 20.0 * h / moved
+    if ROUND >= 0 and on[ROUND]:
+        quick = p[ROUND_P + 1] * math.acosh(math.sqrt(max(share * p[ROUND_P] / p[ROUND_P + 1], 1.0)))
+    if TAPER >= 0 and on[TAPER]:
+        steep, n = max(share * p[TAPER_P] / p[TAPER_P + 1], 1.0), p[TAPER_P + 2]
+        quick = max(quick, p[TAPER_P + 1] * math.pow(math.pow(steep, n / (n + 1.0)) - 1.0, 1.0 / n))
+    if BLEND >= 0 and on[BLEND]:
+        steep = max(share * (p[BLEND_P] + p[BLEND_P + 1]) / p[BLEND_P + 4], 1.0)
+        quick = max(quick, p[BLEND_P + 4] * math.acosh(math.sqrt(steep)))
+    return quick
+
+
+@njit(cache=True, error_model='numpy')
+def _jump(u, k, late):
+    """Largest change of the command that acts in sample k, so many samples late, to either side."""
+    last = u.shape[0] - 1
+    a = min(max(int(math.floor(k - late)), 0), last)
+    before, after = u[max(a - 1, 0)], u[min(a + 1, last)]
+    return max(abs(u[a] - before), abs(after - u[a]))
+
+
+@njit(cache=True, forceinline=True, error_model='numpy')
+def _passes(dq, before, pushed, quick):
+    """Whether a velocity stays beyond where friction turns for one more sample, as it changed in the last one and as a
+    change of the command pushes it."""
+    return abs(dq) - 2.0 * abs(dq - before) - pushed > quick
 
 
 @njit(cache=True, forceinline=True, error_model='numpy')
@@ -1606,8 +1663,11 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
     """Samples first..last-1 of a log from the states S (n, 8) and deflections z (n,), which end up at sample last."""
     T, n = u.shape
     euler = P[0, STEPPING] > 0.0
-    substeps = _steps(P, on, t[1] - t[0], substeps)
-    P = _resolved(P, (t[1] - t[0]) / substeps)
+    fine, calm = _steps(P, on, t[1] - t[0], substeps), _calm_steps(P, on, t[1] - t[0], substeps)
+    quick = _quick(P[0], on[0], (t[1] - t[0]) / calm) if calm < fine else 0.0
+    late, mobility = _lateness(P[0], on[0]) / (t[1] - t[0]), _mobility(P[0], on[0])
+    dq_before, dql_before = S[0, DQ], S[0, DQL]
+    P = _resolved(P, (t[1] - t[0]) / fine)
     shapes = (x.shape[2] - 3) // 2
     described = P.copy() if shapes > 0 else P
     if pair:
@@ -1654,6 +1714,14 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                 xs[j, 0] = x[k, j, 0]; xs[j, 1] = x[k, j, 1]; xs[j, 2] = x[k, j, 2]
             extra[j] = extra_in[k, j] if with_extra else 0.0
             known[j] = _posed(P[j], described[j], on[j], x[k, j], shapes) if with_x and shapes > 0 else 0.0
+        substeps = fine
+        if calm < fine:
+            pushed = _jump(u[:, 0], k, late) * dt * mobility
+            passes = _passes(S[0, DQ], dq_before, pushed, quick)
+            if passes and (_flexible(on[0]) or _playing(on[0])):
+                passes = _passes(S[0, DQL], dql_before, 0.0, quick)
+            substeps = calm if passes else fine
+            dq_before, dql_before = S[0, DQ], S[0, DQL]
         h = dt / substeps
         per_step = 1.0 / h
         for i in range(substeps):
@@ -2242,9 +2310,10 @@ def _stopping_pairs(S):
 
 @njit(cache=True, error_model='numpy', nogil=True)
 def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, starts, P, switches, leak, rate_leak,
-              substeps, out, motion, rigid):
-    """`run` for a single joint and up to LANES candidates at once that take the same steps, `substeps` per sample; or,
-    with the constants `rigid` (HALF, 3), for HALF candidates of a planar pair, joint 1 of them in the first lanes.
+              fine, calm, out, motion, rigid):
+    """`run` for a single joint and up to LANES candidates at once that take the same steps, `fine` per sample, `calm`
+    while one is too fast for rounded friction to turn; or, with the constants `rigid` (HALF, 3), for HALF candidates of
+    a planar pair, joint 1 of them in the first lanes.
 
     Each runs along one of several logs with the same instants, as far as they go: t (T,), the longest; the log of lane
     l is rows begins[l] to begins[l] + lengths[l] of u, y (R, joints) and x (R, 3 + 2 A), or (0, 3), which holds for a
@@ -2276,7 +2345,7 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
     all_on = #common#
     any_on = #union#  # numbers instead of an array: the compiler keeps them at hand
     S, p, parted = np.zeros(ROWS * LANES), np.zeros((n, STEP + 1)), np.zeros(n, dtype=np.bool_)
-    springs, plays, several = _begin_lanes(starts, u[:, 0], begins, P, on, (t[1] - t[0]) / substeps, S, p, own, parted)
+    springs, plays, several = _begin_lanes(starts, u[:, 0], begins, P, on, (t[1] - t[0]) / fine, S, p, own, parted)
     slots = np.zeros(5, dtype=np.bool_)
     _present(union, slots)
     has = (slots[0], slots[1], slots[2], slots[3], slots[4])
@@ -2328,6 +2397,11 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
             S[COUPLING_ + l], S[RATIO_ + l], S[SHARED_ + l] = rigid[l, 0], rigid[l, 1], rigid[l, 2]
             S[COUPLED_ + l] = rigid[l, 0]
     direct = prompt and not altered
+    for l in range(LANES):
+        S[MINE_ + l] = fine
+        if l < n and calm < fine:
+            S[QUICK_ + l], S[PUSHED_ + l] = _quick(p[l], on[l], (t[1] - t[0]) / calm), _mobility(p[l], on[l])
+        S[DQ_BEFORE_ + l], S[DQL_BEFORE_ + l] = S[DQ_ + l], S[DQL_ + l]
     with_x, with_extra = x.shape[0] > 0, extra_in.shape[0] > 0
     lasted = np.full(LANES, T)
     resting = stopped = False
@@ -2389,6 +2463,22 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                 S[INERTIA_ + l], S[MOBILITY_ + l] = p[l, INERTIA], p[l, MOBILITY]
                 if parted[l]:
                     _parted_lane(S, l, p[l], on[l])
+        substeps = fine
+        if calm < fine:
+            substeps = calm
+            for l in range(n):
+                a, b = origin[l], origin[l] + ends_at[l]
+                pushed = _jump(u[a:b, 0], min(k, ends_at[l] - 1), S[LATE_ + l] / (t[1] - t[0])) * dt * S[PUSHED_ + l]
+                passes = _passes(S[DQ_ + l], S[DQ_BEFORE_ + l], pushed, S[QUICK_ + l])
+                if passes and split:
+                    passes = _passes(S[DQL_ + l], S[DQL_BEFORE_ + l], 0.0, S[QUICK_ + l])
+                S[MINE_ + l] = calm if passes else fine
+                substeps = substeps if passes else fine
+            for l in range(LANES):
+                S[OWN_STEP_ + l] = dt / S[MINE_ + l]
+                S[PER_STEP_ + l] = 1.0 / S[OWN_STEP_ + l]
+            _copied(S, DQ_BEFORE_, DQ_, 1)
+            _copied(S, DQL_BEFORE_, DQL_, 1)
         h = dt / substeps
         per_step = 1.0 / h
         for i in range(substeps):
@@ -2415,11 +2505,17 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                     for l in range(LANES):
                         S[MEAN_ + l], S[RISE_ + l], S[TURNED_ + l] = S[COMMAND_ + l], 0.0, 0.0
                 for l in range(0 if prompt else n):
-                    if l == 0 or S[LATE_ + l] != late or origin[l] != origin[l - 1] or (
+                    if calm < fine:
+                        if i >= S[MINE_ + l]:
+                            continue
+                        alone, its_steps = True, int(S[MINE_ + l])
+                    else:
+                        alone, its_steps = False, substeps
+                    if alone or l == 0 or S[LATE_ + l] != late or origin[l] != origin[l - 1] or (
                             rigid is not None and l == HALF):
                         late, joint = S[LATE_ + l], joints * l // LANES
                         a, b = origin[l], origin[l] + ends_at[l]
-                        mean, rise, turned = _amplifier(min(k, ends_at[l] - 1), i, substeps, late / dt, hold[joint],
+                        mean, rise, turned = _amplifier(min(k, ends_at[l] - 1), i, its_steps, late / dt, hold[joint],
                                                         u[a:b, joint], cumulative[a:b, joint])
                     S[MEAN_ + l], S[RISE_ + l], S[TURNED_ + l] = mean, rise, turned
                 if has[0] and not at_once:
@@ -2450,6 +2546,10 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
             for l in range(LANES):
                 S[SPAN_ + l] = S[LEFT_ + l] = h
                 S[BEGIN_ + l] = now
+            if calm < fine:
+                for l in range(LANES):
+                    S[SPAN_ + l] = S[LEFT_ + l] = S[OWN_STEP_ + l] * (1.0 * (i < S[MINE_ + l]))
+                    S[BEGIN_ + l] = t[k] - t0 + i * S[OWN_STEP_ + l]
             for event in range(7):  # lanes that are done have a span of zero
                 stage = 0
                 if has[3]:
@@ -2476,7 +2576,11 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                     if warm:
                         for l in range(LANES):
                             S[HEATS_ + l] = S[HEAT_ + l] + S[AHEAD_ + l] * S[DHEAT_ + l]
-                    if not direct:
+                    if not direct and calm < fine:
+                        for l in range(LANES):
+                            place = (S[OWN_STEP_ + l] - S[LEFT_ + l] + S[AHEAD_ + l]) * S[PER_STEP_ + l] - 0.5
+                            S[U_ + l] = S[MEAN_ + l] + S[RISE_ + l] * place
+                    elif not direct:
                         for l in range(LANES):
                             place = (h - S[LEFT_ + l] + S[AHEAD_ + l]) * per_step - 0.5
                             S[U_ + l] = S[MEAN_ + l] + S[RISE_ + l] * place
@@ -2611,16 +2715,18 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
     eo = extra[:, :, 0] if extra.shape[0] > 0 else np.zeros((0, 0))
     a = first
     while a < last:
-        n, longest, steps = 0, log + a // count, 0
+        n, longest, steps, calm = 0, log + a // count, 0, 0
         while a + n < last and n < LANES:
             c, its_log = (a + n) % count, log + (a + n) // count
             model = on[c, 0]
             if n == 0:
                 steps = _steps(P[c : c + 1, its_log, 0], on[c : c + 1, 0], dt, substeps)
+                calm = _calm_steps(P[c : c + 1, its_log, 0], on[c : c + 1, 0], dt, substeps)
             elif not (
                 (P[c, its_log, 0, STEPPING] > 0.0) == (own[0, STEPPING] > 0.0)
                 and _flexible(model) == _flexible(switches[0]) and _playing(model) == _playing(switches[0])
                 and _steps(P[c : c + 1, its_log, 0], on[c : c + 1, 0], dt, substeps) == steps
+                and _calm_steps(P[c : c + 1, its_log, 0], on[c : c + 1, 0], dt, substeps) == calm
             ):
                 break
             rows[n], begins[n], lengths[n] = c, bounds[its_log], bounds[its_log + 1] - bounds[its_log]
@@ -2629,7 +2735,8 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
                 longest = its_log
             n += 1
         run_lanes(t[bounds[longest] : bounds[longest + 1]], u, cumulative, hold, y, xo, eo, rows[:n], begins[:n],
-                  lengths[:n], begin[:n], own[:n], switches[:n], leak, rate_leak, steps, out[:, :, 0], motion, None)
+                  lengths[:n], begin[:n], own[:n], switches[:n], leak, rate_leak, steps, calm, out[:, :, 0], motion,
+                  None)
         a += n
 
 
@@ -2670,7 +2777,7 @@ def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair,
             if extra.shape[0] > 0:
                 outer[l, lo:hi] = extra[c, lo:hi, joint]
         run_lanes(t[bounds[longest] : bounds[longest + 1]], u, cumulative, hold, y, np.zeros((0, 3)), outer, rows,
-                  begins, lengths, begin, row, own, leak, rate_leak, steps, errors, motion, constants)
+                  begins, lengths, begin, row, own, leak, rate_leak, steps, steps, errors, motion, constants)
         for item in range(a, b):
             c, its_log = item % count, log + item // count
             lo, hi = bounds[its_log], bounds[its_log + 1]

@@ -87,7 +87,13 @@ def arm_of(samples: int) -> np.ndarray:
 
 
 def batched(
-    parameters: np.ndarray, switches: np.ndarray, starts: np.ndarray, *, outside: bool = False, arm: bool = False
+    parameters: np.ndarray,
+    switches: np.ndarray,
+    starts: np.ndarray,
+    *,
+    outside: bool = False,
+    arm: bool = False,
+    substeps: int = 1,
 ) -> np.ndarray:
     """Prediction errors (C, T) in lanes; outside: with torques from outside and an observer of the velocity; arm: with
     what an arm does."""
@@ -97,7 +103,7 @@ def batched(
     extra = torques(len(parameters), len(time)) if outside else np.zeros((0, 0, 1))
     near = arm_of(len(time)) if arm else near
     arguments = (time, command, cumulative, hold, reading, near, extra, bounds, starts, parameters, switches)
-    KERNEL.batch(*arguments, False, rigid, 20.0, 100.0 * outside, 1, out)
+    KERNEL.batch(*arguments, False, rigid, 20.0, 100.0 * outside, substeps, out)
     return out[..., 0]
 
 
@@ -420,6 +426,42 @@ def test_an_effect_in_all_lanes_and_in_some(name: str) -> None:
     mixed = tuple(np.concatenate([mine[:3], other]) for mine, other in zip(own, plain, strict=True))
     assert np.array_equal(batched(*mixed)[:3], alone[:3])
     assert not np.array_equal(alone[:3], batched(*candidates(LANES - 1, 5, 0))[:3])
+
+
+def turning(name: str, count: int, spring: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Candidates with friction that turns within less than a sample; with a spring, of which the arm rubs, too."""
+    parameters, switches, starts = with_effect(name, count, 7)
+    effect = next(effect for effect in KERNEL.effects if effect.name == name)
+    level, inertia = KERNEL.column(effect, "torque"), parameters[..., 0, NOMINAL.index("inertia")]
+    rounding = KERNEL.column(effect, "rounding")
+    parameters[..., 0, level] = 1.5
+    parameters[..., 0, rounding] = 1.5 * SIZES.sample_time / inertia * np.linspace(0.7, 1.1, count)[:, None]
+    if name == "rounded_stribeck_friction":
+        parameters[..., 0, KERNEL.column(effect, "velocity")] = 3.0
+    for exact in ("electrical_time_constant", "timing"):  # a command that jumps within a step is right to second order
+        parameters[..., 0, NOMINAL.index(exact)] = 0.0
+    if spring:
+        flexible = next(effect for effect in KERNEL.effects if effect.name == "joint_flexibility")
+        switches[:, 0, KERNEL.switches["joint_flexibility"]] = True
+        parameters[..., 0, KERNEL.own(flexible)] = (0.6, 12.0, 0.1)
+    return parameters, switches, starts
+
+
+@pytest.mark.parametrize("spring", [False, True])
+@pytest.mark.parametrize("name", ["rounded_coulomb_friction", "tapered_coulomb_friction", "rounded_stribeck_friction"])
+def test_rounded_friction_takes_its_steps_where_it_turns(name: str, spring: bool) -> None:
+    """In all other samples it is as smooth as the rest, and one step is as good as four."""
+    own = turning(name, LANES - 1, spring)
+    parameters, switches, _ = own
+    module, dt = KERNEL.module, SIZES.sample_time
+    for c in range(len(parameters)):
+        model = parameters[c, 0], switches[c], dt, 1
+        assert module._calm_steps(*model) < module._steps(*model)
+    found = batched(*own)
+    assert np.array_equal(found, one_by_one(*own))
+    always = batched(*own, substeps=4)
+    moved = np.std(always)
+    assert np.max(np.abs(found - always)) < 2e-5 * moved
 
 
 def test_the_motion_is_that_of_one_at_a_time() -> None:

@@ -51,6 +51,8 @@ FEW = 3
 """Sensitivities by which fits to the errors as they are begin, of which the nearest ones are carried on."""
 NEARBY = 4.0
 """Sum of squares, over that of the nearest one, up to which fits of such effects are."""
+WAYS: tuple[Callable[[Problem, Point], Fitted], ...] = (partial(fit, rounds=2, iterations=8), free_of_filter)
+"""How an effect is fitted in whose motion small causes grow."""
 BEHIND = (0.0, 0.1, 0.2, 0.4)
 """Shares of all damping behind a play with which it is begun."""
 LIGHTER = (1.0, 0.8)
@@ -232,10 +234,6 @@ def plays(
     fits = each(lambda task: (task[1][0], task[0](problem, task[1][1])), product(WAYS, near))
     scored = sorted((score(problem, base, *found) for found in fits), key=lambda s: -s.evidence)
     return list({(s.name, s.start.hypothesis.joint): s for s in reversed(scored)}.values())[::-1]
-
-
-WAYS: tuple[Callable[[Problem, Point], Fitted], ...] = (partial(fit, rounds=2, iterations=8), free_of_filter)
-"""How an effect is fitted in whose motion small causes grow."""
 
 
 def closest(

@@ -664,8 +664,10 @@ class Search:
         steps = (*path.steps, base)
         accepted, base = prune(problem, accepted, base, settings)
         accepted, base = simplified_afterwards(problem, accepted, base, self.effects, settings)
-        accepted, base = merged_afterwards(problem, accepted, base, settings)
-        accepted, base = unified(problem, accepted, base, self.effects, settings)
+        fewer, base = merged_afterwards(problem, accepted, base, settings)
+        if len(fewer) < len(accepted):  # what two forms of a law were for may be there in the simplest one
+            fewer, base = simplified_afterwards(problem, fewer, base, self.effects, settings, is_last_simple=False)
+        accepted, base = unified(problem, fewer, base, self.effects, settings)
         present = path.present.union(unseen, stood_for(chosen), *map(stood_for, accepted))
         plays = {effect.name for effect in self.effects if effect.scatters}
         own = partial(with_laws, laws=plays, wanted=plays.intersection(item.name for item in accepted))

@@ -142,13 +142,19 @@ def alone(problem: Problem, item: Accepted, chosen: Accepted) -> Iterator[Fitted
 
 
 def simplified_afterwards(
-    problem: Problem, accepted: list[Accepted], base: Fitted, effects: Sequence[Effect], settings: Settings
+    problem: Problem,
+    accepted: list[Accepted],
+    base: Fitted,
+    effects: Sequence[Effect],
+    settings: Settings,
+    *,
+    is_last_simple: bool = True,
 ) -> tuple[list[Accepted], Fitted]:
-    """The effects but the last in their simplest form: before the last one was there they may have stood in for it.
-    Where one of them has, so has the last one for what that has lacked."""
+    """The effects in their simplest form, but for the last, which is (`is_last_simple`): before that one was there they
+    may have stood in for it. Where one of them has, so has the last one for what that has lacked."""
     before = accepted
     for item in before:
-        if not item.effect.includes or (item is before[-1] and accepted is before):
+        if not item.effect.includes or (is_last_simple and item is before[-1] and accepted is before):
             continue
         smaller = without(problem, base, item)
         whole = replace(item.scored, fitted=base, decrease=smaller.criterion - base.criterion)

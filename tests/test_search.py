@@ -71,7 +71,17 @@ from diagnosis.other_bases import (
 )
 from diagnosis.patchwork import Patchwork, patchwork
 from diagnosis.problem import KnownTorques, Problem, Work, coarser, evenly, in_band, scales, stack
-from diagnosis.pruning import astray, elsewhere, general, merged, merged_afterwards, moved_by, prune, unified
+from diagnosis.pruning import (
+    astray,
+    elsewhere,
+    general,
+    merged,
+    merged_afterwards,
+    moved_by,
+    prune,
+    simplified_afterwards,
+    unified,
+)
 from diagnosis.regression import View, effective_samples
 from diagnosis.remainder import Remainder, remainder, remainders, shows_blows
 from diagnosis.replay import WINDOW, imitated_floor, noise_floor, replay, rms, transfer
@@ -1145,6 +1155,20 @@ def test_laws_are_exchanged_for_a_while_only_where_little_is_left(monkeypatch: p
         tried.clear()
         search.exchanged(path)
         assert Counter(tried) == begun
+
+
+def test_what_forms_of_a_law_have_been_merged_into_is_put_in_its_simplest_form() -> None:
+    """Two forms of Stribeck friction stood in for Coulomb friction and a drag. Once the drag was there they were merged
+    into one, which was named, since the last effect counted as simplified."""
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    item = accepted(problem, nominal, "stribeck_friction", [0.15, 0.05, 20.0, 2.0])
+    base = item.scored.fitted
+    kept, _ = simplified_afterwards(problem, [item], base, EFFECTS, Settings())
+    assert [one.name for one in kept] == ["stribeck_friction"]
+    (simple,), after = simplified_afterwards(problem, [item], base, EFFECTS, Settings(), is_last_simple=False)
+    assert simple.name == "coulomb_friction"
+    assert after.point.value("coulomb_friction.torque@0") == pytest.approx(0.2, rel=0.01)
 
 
 def test_a_budget_is_of_steps_of_which_friction_that_turns_takes_several() -> None:

@@ -72,7 +72,7 @@ def _settled(
         if not any(np.array_equal(point.parameters, other.parameters) for other in points):
             points.append(point)
     fits = each(lambda point: free_of_filter(problem, point), points)
-    closest = min(fits, key=lambda option: float(np.sum(option.error[problem.used] ** 2)))
+    closest = min(fits, key=lambda option: problem.squares(option.error))
     best = min(*fits, in_turns(problem, closest), key=lambda option: option.criterion)
     if best.criterion + cost >= fitted.criterion:
         return fitted

@@ -117,7 +117,7 @@ def also_from_regression(
         points = [extend(problem, point, start.hypothesis, start.values) for start in alike]
         if len(points) > 1:
             fits = [to_errors(problem, begun, BRIEF) for begun in points]
-            points = [min(fits, key=lambda fitted: float(np.sum(fitted.error[problem.used] ** 2))).point]
+            points = [min(fits, key=lambda fitted: problem.squares(fitted.error)).point]
         found = to_errors(problem, points[0])
         if unfitted(problem, base, found.point, found.error).criterion > limit:
             return None

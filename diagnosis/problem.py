@@ -85,7 +85,7 @@ class Work:
     steps: float = 0
     _adding: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
-    def add(self, steps: int, runs: int = LANES) -> None:
+    def add(self, steps: int, runs: int) -> None:
         """So many steps in all of so many runs at once."""
         with self._adding:
             self.steps += steps * (1.0 + (-runs % LANES) / runs)
@@ -224,6 +224,10 @@ class Problem:
     def credible(self, error: Array) -> bool:
         """False for a simulation that ran away: a constant, absurd error would be predicted perfectly."""
         return bool(max(error.max(), -error.min()) < min(DIVERGED, 20.0 * self.extent))
+
+    def squares(self, error: Array) -> float:
+        """Sum of squares of errors (T, n) over the samples that count."""
+        return float(np.sum(error[self.used] ** 2))
 
     @cached_property
     def farthest(self) -> Array:

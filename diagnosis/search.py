@@ -228,12 +228,13 @@ def plays(
     if not begun:
         return []
     tried = each(lambda item: to_errors(problem, item[1], iterations=FEW), begun)
-    squares = [float(np.sum(fitted.error[problem.used] ** 2)) for fitted in tried]
-    most = max(min(squares), min(float(np.sum(base.error[problem.used] ** 2)), NEARBY * min(squares)))
+    squares = [problem.squares(fitted.error) for fitted in tried]
+    most = max(min(squares), min(problem.squares(base.error), NEARBY * min(squares)))
     near = [item for item, square in zip(begun, squares, strict=True) if square <= most]
     fits = each(lambda task: (task[1][0], task[0](problem, task[1][1])), product(WAYS, near))
-    scored = sorted((score(problem, base, *found) for found in fits), key=lambda s: -s.evidence)
-    return list({(s.name, s.start.hypothesis.joint): s for s in reversed(scored)}.values())[::-1]
+    scored = sorted((score(problem, base, *found) for found in fits), key=lambda s: s.evidence)
+    best = {(s.name, s.start.hypothesis.joint): s for s in scored}
+    return sorted(best.values(), key=lambda s: -s.evidence)
 
 
 def closest(
@@ -260,13 +261,13 @@ def closest(
     starts = [Start(Hypothesis(effect, joint), values, 0.0, len(begun)) for values, _ in begun]
     points = [point for _, point in begun]
     cost = price(problem, starts[0], base.samples)
-    count, before = max(2, min(AT_ONCE, MEMORY // base.error.size)), float(np.sum(base.error[problem.used] ** 2))
+    count, before = max(2, min(AT_ONCE, MEMORY // base.error.size)), problem.squares(base.error)
     close: list[tuple[float, Start, Point]] = []
     every_one: list[tuple[float, Start, Point]] = []
     for first_one in range(0, len(points), count):
         part = slice(first_one, first_one + count)
         outcomes = list(zip(starts[part], points[part], errors(problem, points[part]), strict=True))
-        squares = [float(np.sum(error[problem.used] ** 2)) for _, _, error in outcomes]
+        squares = [problem.squares(error) for _, _, error in outcomes]
         nearer = [item for item, square in zip(outcomes, squares, strict=True) if square < before]
         close += each(lambda item: (unfitted(problem, base, *item[1:]).criterion, *item[:2]), nearer)
         every_one += [(square, *item[:2]) for item, square in zip(outcomes, squares, strict=True)]

@@ -2401,7 +2401,8 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
         S[MINE_ + l] = fine
         if l < n and calm < fine:
             S[QUICK_ + l], S[PUSHED_ + l] = _quick(p[l], on[l], (t[1] - t[0]) / calm), _mobility(p[l], on[l])
-        S[DQ_BEFORE_ + l], S[DQL_BEFORE_ + l] = S[DQ_ + l], S[DQL_ + l]
+    _copied(S, DQ_BEFORE_, DQ_, 1)
+    _copied(S, DQL_BEFORE_, DQL_, 1)
     with_x, with_extra = x.shape[0] > 0, extra_in.shape[0] > 0
     lasted = np.full(LANES, T)
     resting = stopped = False
@@ -2504,18 +2505,14 @@ def run_lanes(t, u, cumulative, hold, y, x, extra_in, rows, begins, lengths, sta
                 if prompt:
                     for l in range(LANES):
                         S[MEAN_ + l], S[RISE_ + l], S[TURNED_ + l] = S[COMMAND_ + l], 0.0, 0.0
+                command = (-1, -1, 0.0, 0.0)  # of which the last lane has its own
                 for l in range(0 if prompt else n):
-                    if calm < fine:
-                        if i >= S[MINE_ + l]:
-                            continue
-                        alone, its_steps = True, int(S[MINE_ + l])
-                    else:
-                        alone, its_steps = False, substeps
-                    if alone or l == 0 or S[LATE_ + l] != late or origin[l] != origin[l - 1] or (
-                            rigid is not None and l == HALF):
-                        late, joint = S[LATE_ + l], joints * l // LANES
-                        a, b = origin[l], origin[l] + ends_at[l]
-                        mean, rise, turned = _amplifier(min(k, ends_at[l] - 1), i, its_steps, late / dt, hold[joint],
+                    own_command = (origin[l], joints * l // LANES, S[LATE_ + l], S[MINE_ + l])
+                    if i < S[MINE_ + l] and own_command != command:
+                        command = own_command
+                        a, joint, late, steps = command
+                        b = a + ends_at[l]
+                        mean, rise, turned = _amplifier(min(k, ends_at[l] - 1), i, int(steps), late / dt, hold[joint],
                                                         u[a:b, joint], cumulative[a:b, joint])
                     S[MEAN_ + l], S[RISE_ + l], S[TURNED_ + l] = mean, rise, turned
                 if has[0] and not at_once:

@@ -283,7 +283,7 @@ def told(*arguments: str) -> tuple[int, str]:
     return result.exit_code, result.output
 
 
-@pytest.mark.parametrize("reruns", [1, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("reruns", [3, pytest.param(20, marks=pytest.mark.slow)])
 def test_ones_own_method_against_ones_own_reference(reruns: int, plugin: Path) -> None:
     """Made, passed, passed again and again with other seeds, and failed after a change for the worse."""
     assert told("--update")[0] == 0

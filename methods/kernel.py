@@ -38,12 +38,9 @@ where these have the same instants (`run_lanes`), to the same bits as one at a t
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import inspect
 import os
-import sys
 import tempfile
-import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -56,6 +53,7 @@ import numba
 import numpy as np
 
 from envs.log import Array
+from methods.compiling import ahead, compile_lanes, generated
 from methods.effects.base import Effect
 from methods.joint_equation import network_value
 from methods.parallel import each
@@ -91,7 +89,6 @@ arm_friction: share of dry friction and of what resists by the velocity that act
 """
 DAMPING = ("viscous", "back_emf", "arm_viscous")
 """Nominal parameters that add up to a joint's damping."""
-_compiling = threading.Lock()
 STATES = 8
 """States of a joint: angle, velocity, motor torque, command behind the amplifier's lag, relative rise of resistance,
 angle and velocity of the arm, what the laws of the motor's position add to it."""
@@ -270,15 +267,12 @@ class Kernel:
             with os.fdopen(handle, "w") as file:
                 file.write(self.source)
             os.replace(temporary, path)
-        name = f"adeptone_{path.stem}"
-        if name not in sys.modules:
-            spec = importlib.util.spec_from_file_location(name, path)
-            assert spec is not None
-            assert spec.loader is not None
-            module = importlib.util.module_from_spec(spec)
-            sys.modules[name] = module
-            spec.loader.exec_module(module)
-        return sys.modules[name]
+        return generated(path)
+
+    def compile_ahead(self) -> None:
+        """Have another process compile what simulates step by step, while this one begins with lanes."""
+        assert self.module
+        ahead(self.path, ("begin", "advance"))
 
     def steps(self, parameters: Array, switches: np.ndarray, interval: float, substeps: int) -> int:
         """Steps per interval between samples, of which there are `substeps` or, where something acts within less than
@@ -299,20 +293,11 @@ class Kernel:
         )
 
     def _in_lanes(self, *arguments: Any) -> None:
-        """The generated `batch_one` or `batch_pair`, compiled for these arguments where it is not: instructions for
-        several lanes from lines that are written out, which only these gain from, and with more lanes than can all be
-        written out from loops over them."""
+        """The generated `batch_one` or `batch_pair`, compiled for these arguments where it is not."""
         function = self.module.batch_one if arguments[1].shape[1] == 1 else self.module.batch_pair
         signature = tuple(map(numba.typeof, arguments))
         if signature not in function.overloads:
-            options: Any = numba.config
-            with _compiling:
-                before = options.SLP_VECTORIZE, options.LOOP_VECTORIZE
-                options.SLP_VECTORIZE, options.LOOP_VECTORIZE = 1, int(self.lanes > LANES)
-                try:
-                    function.compile(signature)
-                finally:
-                    options.SLP_VECTORIZE, options.LOOP_VECTORIZE = before
+            compile_lanes(function, signature, wide=self.lanes > LANES)
         function(*arguments)
 
     def batch(self, *arguments: Any) -> None:
@@ -491,6 +476,13 @@ def _source(kernel: Kernel) -> str:
 
 
 _TEMPLATE = '''
+@njit(cache=True, error_model='numpy')
+def _put(target, source):
+    """One array into another: to compile an assignment of slices takes seconds, for what it says of other shapes."""
+    for i in range(len(target)):
+        target[i] = source[i]
+
+
 INERTIA, VISCOUS, BACK_EMF, ELECTRICAL, GRAVITY_SINE, GRAVITY_COSINE, LOAD, SQUARE, LIMIT = range(9)
 TIMING, STEPPING, FOLLOWING, ARM_VISCOUS, ARM_FRICTION, ARM = range(9, 15)
 Q, DQ, W, A, HEAT, QL, DQL, BESIDE = range(8)
@@ -1642,8 +1634,9 @@ def run(t, u, cumulative, hold, y, x, extra_in, start, P, on, pair, rigid, leak,
     T, n = u.shape
     S = np.zeros((n, 8)); z = np.zeros(n)
     begin(start, u[0], S, P, on)
-    advance(0, T, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak, substeps, out,
-    motion)
+    first = min(0, T)  # a number that is written out would have `advance` compiled for it alone
+    advance(first, T, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pair, rigid, leak, rate_leak, substeps, out,
+            motion)
 
 
 @njit(cache=True, error_model='numpy', nogil=True)
@@ -1771,8 +1764,9 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                             sign[loose] = 1.0 if rhs[loose] > 0.0 else -1.0
                         if again:
                             continue
-                        first_rates[:, :] = D
-                        total[:, :] = D
+                        for j in range(n):
+                            _put(first_rates[j], D[j])
+                            _put(total[j], D[j])
                         if euler:
                             stage = 3
                             for j in range(n):
@@ -1800,8 +1794,9 @@ def advance(first, last, t, u, cumulative, hold, y, x, extra_in, S, z, P, on, pa
                         if stopped >= 0:
                             span *= share
                             stage = 1
-                            D[:, :] = first_rates
-                            total[:, :] = first_rates
+                            for j in range(n):
+                                _put(D[j], first_rates[j])
+                                _put(total[j], first_rates[j])
                 for j in range(n):
                     for m in range(7):
                         if m == A or (m == W and P[j, ELECTRICAL] <= 0.0):
@@ -1858,7 +1853,7 @@ def _begin_lanes(starts, u, begins, P, on, h, S, p, has, parted):
     for l in range(LANES):
         S[EVERY_ + l], S[LAG_TIME_ + l], S[WARMING_TIME_ + l], S[MEAN_SQUARE_ + l] = h, 1.0, 1.0, 1.0
     for l in range(n):
-        p[l] = resolved[l]
+        _put(p[l], resolved[l])
         S[Q_ + l], S[DQ_ + l], S[QL_ + l], S[DQL_ + l] = _sides(starts[l], p[l], on[l])
         S[W_ + l], S[LAG_ + l], S[HEAT_ + l] = starts[l, 2], u[begins[l]], starts[l, WARMTH]
         S[MOBILITY_ + l] = p[l, MOBILITY]
@@ -2715,19 +2710,19 @@ def batch_one(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair, 
         n, longest, steps, calm = 0, log + a // count, 0, 0
         while a + n < last and n < LANES:
             c, its_log = (a + n) % count, log + (a + n) // count
-            model = on[c, 0]
+            _put(begin[n], starts[c, its_log, 0])
+            _put(own[n], P[c, its_log, 0])
+            _put(switches[n], on[c, 0])
+            its_steps = _steps(own[n : n + 1], switches[n : n + 1], dt, substeps)
+            its_calm = _calm_steps(own[n : n + 1], switches[n : n + 1], dt, substeps)
             if n == 0:
-                steps = _steps(P[c : c + 1, its_log, 0], on[c : c + 1, 0], dt, substeps)
-                calm = _calm_steps(P[c : c + 1, its_log, 0], on[c : c + 1, 0], dt, substeps)
+                steps, calm = its_steps, its_calm
             elif not (
-                (P[c, its_log, 0, STEPPING] > 0.0) == (own[0, STEPPING] > 0.0)
-                and _flexible(model) == _flexible(switches[0]) and _playing(model) == _playing(switches[0])
-                and _steps(P[c : c + 1, its_log, 0], on[c : c + 1, 0], dt, substeps) == steps
-                and _calm_steps(P[c : c + 1, its_log, 0], on[c : c + 1, 0], dt, substeps) == calm
+                (own[n, STEPPING] > 0.0) == (own[0, STEPPING] > 0.0) and its_steps == steps and its_calm == calm
+                and _flexible(switches[n]) == _flexible(switches[0]) and _playing(switches[n]) == _playing(switches[0])
             ):
                 break
             rows[n], begins[n], lengths[n] = c, bounds[its_log], bounds[its_log + 1] - bounds[its_log]
-            begin[n], own[n], switches[n] = starts[c, its_log, 0], P[c, its_log, 0], on[c, 0]
             if lengths[n] > bounds[longest + 1] - bounds[longest]:
                 longest = its_log
             n += 1
@@ -2764,7 +2759,9 @@ def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair,
         for l in range(LANES):
             item, joint = min(a + l % HALF, b - 1), l // HALF
             c, its_log = item % count, log + item // count
-            row[l], own[l], begin[l] = P[c, its_log, joint], on[c, joint], starts[c, its_log, joint]
+            _put(row[l], P[c, its_log, joint])
+            _put(own[l], on[c, joint])
+            _put(begin[l], starts[c, its_log, joint])
             _as_weight(row[l], own[l])
             constants[l % HALF] = rigid[c]
             lo, hi = bounds[its_log], bounds[its_log + 1]
@@ -2772,14 +2769,14 @@ def batch_pair(t, u, cumulative, hold, y, x, extra, bounds, starts, P, on, pair,
             if hi - lo > bounds[longest + 1] - bounds[longest]:
                 longest = its_log
             if extra.shape[0] > 0:
-                outer[l, lo:hi] = extra[c, lo:hi, joint]
+                _put(outer[l, lo:hi], extra[c, lo:hi, joint])
         run_lanes(t[bounds[longest] : bounds[longest + 1]], u, cumulative, hold, y, np.zeros((0, 3)), outer, rows,
                   begins, lengths, begin, row, own, leak, rate_leak, steps, steps, errors, motion, constants)
         for item in range(a, b):
             c, its_log = item % count, log + item // count
             lo, hi = bounds[its_log], bounds[its_log + 1]
             for joint in range(2):
-                out[c, lo:hi, joint] = errors[item - a + joint * HALF, lo:hi]
+                _put(out[c, lo:hi, joint], errors[item - a + joint * HALF, lo:hi])
         a = b
 
 

@@ -308,7 +308,7 @@ class Session:
         target: Array | None = None,
     ):
         n = len(model.parts)
-        self.model, self.time, self.command, self.near = model, time, np.ascontiguousarray(command), near
+        self.model, self.time, self.command, self.near = model, np.array(time), np.array(command, order="C"), near
         self.hold = np.full(n, 0 if hold == "zero_order" else 1, dtype=np.int64)
         pieces = self.command[:-1] if hold == "zero_order" else 0.5 * (self.command[:-1] + self.command[1:])
         self.cumulative = np.vstack([np.zeros((1, n)), np.cumsum(pieces, axis=0)])

@@ -565,7 +565,6 @@ def solve(
     kernel, effects = build(compiled_with(effects)), applying(effects, structures)
     if kernel.is_new:
         tell("compiling the simulator, once for these effects: a minute or two")
-        kernel.compile_ahead()
     first = read.fitted[0]
     arm, rest = None, ""
     if read.robot is not None and len(group) == 1:

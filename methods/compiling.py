@@ -1,46 +1,33 @@
-"""Compiles the long functions of a generated simulator, each by one process at a time and some ahead of their use.
+"""Compiles the functions of a generated simulator, one process at a time.
 
 What one process has compiled others read from the disk. Of two that need the same at once the second one waits: it
-would take just as long by itself, on a core that could do something else.
+would take just as long by itself, on a core that could do something else. And numba's cache does not stand two at once:
+both may give the same number to functions of different arguments, and who reads them calls the wrong one.
 """
 
 from __future__ import annotations
 
 import importlib.util
-import os
-import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numba
-from filelock import FileLock, Timeout
+from filelock import FileLock
 from numba.core import event
+from numba.core.dispatcher import Dispatcher
 from numba.core.sigutils import normalize_signature
 
-ENTRIES = ("begin", "_rates", "advance", "compensated", "run", "batch", "batch_one", "batch_pair")
-"""Functions of a generated module that are called from outside and that take seconds to compile."""
-_SIGNALS = "f8[::1], f8[:, ::1], f8[:, ::1], i8[::1], f8[:, ::1], f8[:, :, ::1]"
-_LANES = (
-    f"({_SIGNALS}, f8[:, :, ::1], i8[::1], f8[:, :, :, ::1], f8[:, :, :, ::1], b1[:, :, ::1], b1, f8[:, ::1], f8, f8,"
-    " i8, f8[:, :, ::1], f8[:, :, ::1], i8, i8, i8, i8)"
+LANES_SIGNATURE = (
+    "(f8[::1], f8[:, ::1], f8[:, ::1], i8[::1], f8[:, ::1], f8[:, :, ::1], f8[:, :, ::1], i8[::1], f8[:, :, :, ::1],"
+    " f8[:, :, :, ::1], b1[:, :, ::1], b1, f8[:, ::1], f8, f8, i8, f8[:, :, ::1], f8[:, :, ::1], i8, i8, i8, i8)"
 )
-SIGNATURES = {
-    "begin": "(f8[:, ::1], f8[::1], f8[:, ::1], f8[:, ::1], b1[:, ::1])",
-    "advance": (
-        f"(i8, i8, {_SIGNALS}, f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1], b1[:, ::1], b1, f8[::1], f8, f8, i8,"
-        " f8[:, ::1], f8[:, :, ::1])"
-    ),
-    "batch_one": _LANES,
-    "batch_pair": _LANES,
-}
-"""What those that can be compiled ahead take, whichever effects they are about."""
+"""What `batch_one` and `batch_pair` of a generated module take."""
 _one_at_a_time = threading.RLock()
-_ahead: list[subprocess.Popen[bytes]] = []
 
 
 def generated(path: Path) -> ModuleType:
@@ -53,23 +40,24 @@ def generated(path: Path) -> ModuleType:
         module = importlib.util.module_from_spec(spec)
         sys.modules[name] = module
         spec.loader.exec_module(module)
-        for entry in ENTRIES:
-            function = getattr(module, entry)
-            function.compile = _by_one_process(function, function.compile, lock_of(path, entry))
+        lock = lock_of(path)
+        for function in vars(module).values():
+            if isinstance(function, Dispatcher):
+                function.compile = _by_one_process(function.compile, lock)  # type: ignore[method-assign, assignment]
     return sys.modules[name]
 
 
-def lock_of(path: Path, entry: str) -> FileLock:
-    """The lock that who compiles a function of a generated file holds; a thread may hold it several times."""
-    return FileLock(path.with_suffix(f".{entry}.lock"), is_singleton=True)
+def lock_of(path: Path) -> FileLock:
+    """The lock that who compiles functions of a generated file holds; a thread may hold it several times."""
+    return FileLock(path.with_suffix(".lock"), is_singleton=True)
 
 
-def _by_one_process(function: Any, compile_: Callable[[Any], Any], lock: FileLock) -> Callable[[Any], Any]:
-    """A function's own `compile`, while no other thread and no other process does the same: numba then finds what they
-    have left on the disk. To wait for them counts as compiling."""
+def _by_one_process(compile_: Callable[[Any], Any], lock: FileLock) -> Callable[[Any], Any]:
+    """A function's own `compile`, while no other thread and no other process is at this file. Waiting for them counts
+    as compiling."""
 
     def compiled(signature: Any) -> Any:
-        with event.trigger_event("numba:compile", {"dispatcher": function}), _one_at_a_time, _held(lock):
+        with event.trigger_event("numba:compile", {"lock": lock.lock_file}), _one_at_a_time, _held(lock):
             return compile_(signature)
 
     return compiled
@@ -98,41 +86,14 @@ def compile_lanes(function: Any, signature: tuple[Any, ...], wide: bool) -> None
             options.SLP_VECTORIZE, options.LOOP_VECTORIZE = before
 
 
-def compile_entry(path: Path, entry: str) -> None:
-    """Compile one of `SIGNATURES` of a generated file, unless another process is at it."""
-    function, (signature, _) = getattr(generated(path), entry), normalize_signature(SIGNATURES[entry])
-    try:
-        with lock_of(path, entry).acquire(timeout=0):
-            if entry.startswith("batch"):
-                compile_lanes(function, signature, wide=entry == "batch_pair")
-            else:
-                function.compile(signature)
-    except (Timeout, NotImplementedError):
-        pass
-
-
-def ahead(path: Path, entries: Sequence[str]) -> None:
-    """Have another process compile some of `SIGNATURES` of a generated file, if there is a core for it."""
-    if numba.get_num_threads() > 1:
-        command = [sys.executable, "-m", "methods.compiling", os.fspath(path), *entries]
-        quiet: Any = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        _ahead.append(subprocess.Popen(command, **quiet))
-
-
-def main(path: str = "", *entries: str) -> None:
-    """Compile some of `SIGNATURES` of a generated file; without arguments all of them, for the whole vocabulary."""
-    if path:
-        for entry in entries:
-            compile_entry(Path(path), entry)
-        return
+def main() -> None:
+    """Have the simulator of planar pairs on the disk, before anybody needs it."""
     from methods.effects import vocabulary
     from methods.kernel import build
 
-    kernel = build(tuple(vocabulary()))
-    for its, entry in ((kernel, "batch_one"), (kernel.of_pairs, "batch_pair"), (kernel, "begin"), (kernel, "advance")):
-        assert its.module
-        compile_entry(its.path, entry)
+    pairs = build(tuple(vocabulary())).of_pairs
+    compile_lanes(pairs.module.batch_pair, normalize_signature(LANES_SIGNATURE)[0], wide=True)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -53,7 +53,7 @@ import numba
 import numpy as np
 
 from envs.log import Array
-from methods.compiling import ahead, compile_lanes, generated
+from methods.compiling import compile_lanes, generated
 from methods.effects.base import Effect
 from methods.joint_equation import network_value
 from methods.parallel import each
@@ -268,11 +268,6 @@ class Kernel:
                 file.write(self.source)
             os.replace(temporary, path)
         return generated(path)
-
-    def compile_ahead(self) -> None:
-        """Have another process compile what simulates step by step, while this one begins with lanes."""
-        assert self.module
-        ahead(self.path, ("begin", "advance"))
 
     def steps(self, parameters: Array, switches: np.ndarray, interval: float, substeps: int) -> int:
         """Steps per interval between samples, of which there are `substeps` or, where something acts within less than

@@ -46,6 +46,7 @@ from diagnosis.lags import told_apart
 from diagnosis.nominal import JointStructure, damping_settled, fit_nominal, limits_settled, windings_settled
 from diagnosis.of_motion import is_of_motion
 from diagnosis.other_bases import (
+    DRY,
     also_by_own_steps,
     also_from_regression,
     also_without_limits,
@@ -374,6 +375,11 @@ def has_play(path: Path) -> bool:
 def has_spring(path: Path) -> bool:
     """Whether an arm hangs on a spring in a path's model, for which a play may have been taken."""
     return any(item.effect.parts_the_arm and not item.effect.scatters for item in path.accepted)
+
+
+def bends(item: Accepted) -> bool:
+    """Whether it is dry friction of bristles, which cannot be behind a play."""
+    return item.effect.is_dry and not acts_on_either_side(item.effect)
 
 
 def of_one_law(one: Accepted, other: Accepted) -> bool:
@@ -927,21 +933,26 @@ class Search:
         taken for slow noise.
 
         Few of its starting values come close to the motion, and what other laws imitate of it is found first. It is
-        begun beside all but a spring, which may stand for it, beside the friction of the path alone, since friction
-        holds an arm in its play, which drifts without, and by itself.
+        begun beside all but a spring, which may stand for it, also with dry friction for bristles, beside the friction
+        of the path alone, since friction holds an arm in its play, which drifts without, and by itself.
         """
-        is_left = path.excess > allowance(self.nominal, path.base)
-        times = SPRUNG if is_left or has_spring(path) else FORESEEN
-        asks = self.incomplete(path) or is_foreseen(self.problem, path.base, times)
-        if has_play(path) or not asks or self.is_over:
-            return path
-        self.tell("a play, begun from everywhere")
         best, rubbing = path, tuple(item for item in path.accepted if acts_on_either_side(item.effect))
         rigid = tuple(item for item in path.accepted if not item.effect.parts_the_arm)
-        for kept in dict.fromkeys((rigid, rubbing, ())):
+        beside = dict.fromkeys((rigid, rubbing, ()))
+        turns = [(kept, False) for kept in beside if not has_play(path)]
+        turns += [(kept, True) for kept in beside if any(map(bends, kept))]
+        if not turns or self.is_over:
+            return path
+        is_left = path.excess > allowance(self.nominal, path.base)
+        times = SPRUNG if is_left or has_spring(path) else FORESEEN
+        if not (self.incomplete(path) or is_foreseen(self.problem, path.base, times)):
+            return path
+        self.tell("a play, begun from everywhere")
+        for kept, is_dry in turns:
             if self.is_over or (best is not path and not self.incomplete(best)):
                 break
             begun = self.reduced(path, kept) if kept else self.start
+            begun = self.without_bristles(begun) if is_dry else begun
             ranked = plays(self.problem, begun.base, self.candidates(begun, is_full=False))
             ranked = self.led_by_pieces(begun, ranked)
             explained = self.nominal.criterion - begun.base.criterion
@@ -950,6 +961,23 @@ class Search:
                 other = self.grown(self.advanced(begun, chosen))
                 best = other if self.cost(other) < self.cost(best) - self.settings.threshold else best
         return best
+
+    def without_bristles(self, path: Path) -> Path:
+        """The path with Coulomb friction in the place of bristles, which are on the motor's side: what rubs behind a
+        play seems to yield as the play does."""
+        problem = self.problem
+        dry = next((effect for effect in self.effects if effect.name == DRY), None)
+        for item in path.accepted:
+            if dry is None or not bends(item):
+                continue
+            others = tuple(other for other in path.accepted if other is not item)
+            level = path.base.point.parameters[:, item.joint, problem.kernel.column(item.effect, "torque")]
+            start = Start(Hypothesis(dry, item.joint), level[:, None], 0.0)
+            smaller = without(problem, path.base, item)
+            fitted = either_way(problem, in_place(problem, path.base, item.effect, start))
+            scored = score(problem, smaller, start, fitted)
+            path = shortened(path, (*others, Accepted(scored, item.material, ())), fitted)
+        return path
 
     def reduced(self, path: Path, kept: tuple[Accepted, ...]) -> Path:
         """The path with some of its effects only, refitted without the others."""

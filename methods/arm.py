@@ -108,12 +108,14 @@ class PinocchioDynamics:
     def inertia(self, position: Array) -> Array:
         """See `RigidDynamics`."""
         self._position[self._rows] = position
-        return np.array(self._pin.crba(self._model, self._data, self._position)[self._square])
+        whole: Array = self._pin.crba(self._model, self._data, self._position)
+        return whole[self._square]
 
     def bias(self, position: Array, velocity: Array) -> Array:
         """See `RigidDynamics`."""
         self._position[self._rows], self._velocity[self._rows] = position, velocity
-        return np.array(self._pin.nonLinearEffects(self._model, self._data, self._position, self._velocity)[self._rows])
+        whole: Array = self._pin.nonLinearEffects(self._model, self._data, self._position, self._velocity)
+        return whole[self._rows]
 
 
 def described(logs: Sequence[Log], name: str | None) -> tuple[str, Robot, tuple[float, ...]]:

@@ -8,6 +8,7 @@ A family's primitive is M and b at one state (`RigidDynamics`); inverse and simu
 from __future__ import annotations
 
 import abc
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -81,15 +82,22 @@ class DrivenModel(Model):
         def rest(q: Array, v: Array) -> Array:
             return own.scale * rigid.bias(q, v) + own.offset + own.friction * np.tanh(v / own.reversal)
 
-        def acceleration(q: Array, v: Array, motor: Array) -> Array:
-            return np.asarray(np.linalg.solve(rigid.inertia(q), (motor - rest(q, v)) / own.scale), dtype=np.float64)
+        def at(q: Array, v: Array) -> Callable[[Array], Array]:
+            inertia, resisting = rigid.inertia(q), rest(q, v)
+
+            def accelerated(motor: Array) -> Array:
+                force = (motor - resisting) / own.scale
+                return force / inertia[0] if len(q) == 1 else np.asarray(np.linalg.solve(inertia, force), np.float64)
+
+            return accelerated
 
         q, v = initial.position.copy(), initial.velocity.copy()
         motor = own.scale * (rigid.inertia(q) @ initial.acceleration) + rest(q, v)
         out = np.full((4, len(time), len(q)), np.nan)
         for k in range(len(time)):
             out[0, k], out[1, k] = q, v
-            out[2, k] = acceleration(q, v, np.where(lagging, motor, command[k] - own.damping * v))
+            accelerated = at(q, v)
+            out[2, k] = accelerated(np.where(lagging, motor, command[k] - own.damping * v))
             if k == len(time) - 1 or not np.all(np.abs(v) < OUT_OF_REACH):
                 break
             span = time[k + 1] - time[k]
@@ -98,18 +106,19 @@ class DrivenModel(Model):
             decay = np.where(lagging, np.exp(-h / lag), 0.0)
             share = np.where(lagging, (1.0 - decay) * lag / h, 0.0)
             for i in range(steps):
+                accelerated = at(q, v) if i else accelerated
                 u = command[k]
                 if hold == "first_order":
                     u = u + (i + 0.5) / steps * (command[k + 1] - command[k])
                 final = u - own.damping * v
                 mean = final + (motor - final) * share
-                a1 = acceleration(q, v, mean)
+                a1 = accelerated(mean)
                 v2 = v + 0.5 * h * a1
-                a2 = acceleration(q + 0.5 * h * v, v2, mean - stiff * (v2 - v))
+                a2 = at(q + 0.5 * h * v, v2)(mean - stiff * (v2 - v))
                 v3 = v + 0.5 * h * a2
-                a3 = acceleration(q + 0.5 * h * v2, v3, mean - stiff * (v3 - v))
+                a3 = at(q + 0.5 * h * v2, v3)(mean - stiff * (v3 - v))
                 v4 = v + h * a3
-                a4 = acceleration(q + h * v3, v4, mean - stiff * (v4 - v))
+                a4 = at(q + h * v3, v4)(mean - stiff * (v4 - v))
                 final = u - own.damping * (v + h / 12.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4))
                 motor = final + (motor - final) * decay
                 q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)

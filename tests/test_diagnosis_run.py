@@ -370,7 +370,7 @@ def test_planar_pair_is_recognised_in_the_logs() -> None:
     assert kinds(heavy) == [((1, 2), ["pendulum", "pendulum"])]
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.1])
+@pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.slow), 0.1])
 def test_planar_pair_is_recognised_behind_noise(friction: float) -> None:
     """In the derivatives of such readings the coupling cannot be seen; predictions tell it, with friction or not."""
     effects = {"coulomb_friction": {"torque": friction}} if friction else {}

@@ -328,7 +328,7 @@ def test_hyperbolic_saturations_of_torque_and_command_are_one_law_and_begin_as_t
     ("form", "values"),
     [
         ("tanh", {"coefficient": 0.15}),
-        ("levelling", {"coefficient": 0.2, "levelling": 0.0}),
+        pytest.param("levelling", {"coefficient": 0.2, "levelling": 0.0}, marks=pytest.mark.slow),
         ("knee", {"coefficient": 0.25, "exponent": 0.3, "sharpness": 1.7}),
     ],
 )
@@ -1106,6 +1106,30 @@ def test_a_play_is_begun_from_everywhere_only_where_something_is_left_or_taken_f
     assert [base.point.switches.sum() for base in bases] == ([1, 0] if is_left else [1] if is_slow else [])
     found.clear()
     assert search.with_play(path) is path
+
+
+@pytest.mark.parametrize("has_play", [False, True])
+def test_a_play_is_begun_beside_dry_friction_in_the_place_of_bristles(
+    has_play: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A play of 12 mrad before an arm with Coulomb friction was one of 21 mrad behind bristles: with dry friction,
+    which may be behind it, it is found from everywhere, even where a play is there already."""
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, 1e-4 * np.random.default_rng(0).standard_normal(5000))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    few = [NAMED[name] for name in ("coulomb_friction", "presliding_friction", "backlash")]
+    search = Search(problem, (JointStructure(),), few, Settings(), nominal, lambda text: None)
+    items = [accepted(problem, nominal, "presliding_friction", [0.2, 1e-4, 0.0])]
+    if has_play:
+        play = list(NAMED["backlash"].starts(sizes_of(problem, nominal)[0])[0])
+        items.append(accepted(problem, items[0].scored.fitted, "backlash", play))
+    bases: list[Fitted] = []
+    monkeypatch.setattr("diagnosis.engine.plays", lambda problem, base, *given: bases.append(base) or [])
+    monkeypatch.setattr(Search, "incomplete", lambda self, path: True)
+    path = Path(items[-1].scored.fitted, tuple(items), frozenset((item.name, 0) for item in items), (nominal,))
+    assert search.with_play(path) is path
+    beside = [[effect.name for effect, on in zip(EFFECTS, base.point.switches[0], strict=True) if on] for base in bases]
+    assert beside == ([["coulomb_friction"]] if has_play else [["presliding_friction"], [], ["coulomb_friction"]])
+    assert bases[-1].point.value("coulomb_friction.torque@0") == pytest.approx(0.2, rel=0.05)
 
 
 def test_a_play_is_begun_from_everywhere_where_it_comes_first_but_not_beside_another(

@@ -94,9 +94,9 @@ class DrivenModel(Model):
         q, v = initial.position.copy(), initial.velocity.copy()
         motor = own.scale * (rigid.inertia(q) @ initial.acceleration) + rest(q, v)
         out = np.full((4, len(time), len(q)), np.nan)
+        accelerated = at(q, v)
         for k in range(len(time)):
             out[0, k], out[1, k] = q, v
-            accelerated = at(q, v)
             out[2, k] = accelerated(np.where(lagging, motor, command[k] - own.damping * v))
             if k == len(time) - 1 or not np.all(np.abs(v) < OUT_OF_REACH):
                 break
@@ -106,7 +106,6 @@ class DrivenModel(Model):
             decay = np.where(lagging, np.exp(-h / lag), 0.0)
             share = np.where(lagging, (1.0 - decay) * lag / h, 0.0)
             for i in range(steps):
-                accelerated = at(q, v) if i else accelerated
                 u = command[k]
                 if hold == "first_order":
                     u = u + (i + 0.5) / steps * (command[k + 1] - command[k])
@@ -123,5 +122,6 @@ class DrivenModel(Model):
                 motor = final + (motor - final) * decay
                 q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
                 v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+                accelerated = at(q, v)
         out[3] = np.gradient(out[2], time, axis=0)
         return Motion(*out)

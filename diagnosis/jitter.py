@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import nnls
 
 from diagnosis.estimation import Fitted, predicted_motion
 from diagnosis.instants import log_of
@@ -32,6 +32,8 @@ LEAST = 1e-6
 FAR_OUT = 5.0
 """Deviations by any of the laws beyond which a sample says nothing of them: where dry friction catches the joint, the
 instant of one reading makes the errors of many."""
+SCORED, HALVED = 50, 20
+"""Most steps of Fisher scoring, and how often one is halved."""
 
 
 @dataclass(frozen=True)
@@ -57,15 +59,15 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     signals = (("velocity", velocity), ("acceleration", acceleration), ("torque", torque))
     laws = {name: np.stack([*plain, _scatter(signal**2, response)[rows]]) for name, signal in signals}
     laws["nothing"] = np.stack(plain)
-    within = np.all([square < FAR_OUT**2 * (_likelihood(law, square)[1] @ law) for law in laws.values()], axis=0)
-    found = {name: _likelihood(law[:, within], square[within]) for name, law in laws.items()}
+    within = np.all([square < FAR_OUT**2 * (fitted_scatter(law, square)[1] @ law) for law in laws.values()], axis=0)
+    found = {name: fitted_scatter(law[:, within], square[within]) for name, law in laws.items()}
     without, best = found.pop("nothing"), min(found.values(), key=lambda item: item[0])
     deviance, coefficients, deviations = found["velocity"]
     if deviance > best[0] + 1e-9 or coefficients[-1] <= 0.0:
         return None
     law = laws["velocity"]
     within = square < FAR_OUT**2 * (coefficients @ law)  # beyond a scatter that is the same always what is fast may be
-    _, coefficients, deviations = _likelihood(law[:, within], square[within])
+    _, coefficients, deviations = fitted_scatter(law[:, within], square[within])
     if coefficients[-1] <= 0.0:
         return None
     rms = float(np.sqrt(coefficients[-1]))
@@ -86,7 +88,7 @@ def _scatter(power: Array, response: Array) -> Array:
     return prediction_filter(np.ascontiguousarray(power[None]), response**2)[0]
 
 
-def _likelihood(laws: Array, square: Array) -> tuple[float, Array, Array]:
+def fitted_scatter(laws: Array, square: Array) -> tuple[float, Array, Array]:
     """-2 log likelihood, coefficients (K,) >= 0 and their deviations for variances that are linear in laws (K, N).
 
     The deviations are those of the sandwich, which hold whatever the law of the scatter; a coefficient that the limit
@@ -95,20 +97,35 @@ def _likelihood(laws: Array, square: Array) -> tuple[float, Array, Array]:
     mean = float(np.mean(square))
     scale = (np.mean(laws, axis=1, keepdims=True) + 1e-300) / mean
     columns = laws / scale
-
-    def deviance(x: Array) -> tuple[float, Array]:
-        variance = np.maximum(x @ columns, LEAST * mean)
-        slope = columns @ (1.0 / variance - square / variance**2) / n
-        return float(np.mean(np.log(variance) + square / variance)), slope
-
     n, count = len(square), len(columns)
-    best = minimize(deviance, np.full(count, 1.0 / count), jac=True, method="L-BFGS-B", bounds=[(0.0, None)] * count)
-    x = best.x
-    variance = np.maximum(x @ columns, LEAST * mean)
+
+    def variance_of(x: Array) -> Array:
+        return np.asarray(np.maximum(x @ columns, LEAST * mean))
+
+    def deviance(x: Array) -> float:
+        variance = variance_of(x)
+        return float(np.mean(np.log(variance) + square / variance))
+
+    x = np.full(count, 1.0 / count)
+    reached = deviance(x)
+    for _ in range(SCORED):  # Fisher scoring: squares have a deviation in proportion to their variance
+        variance, before = variance_of(x), reached
+        root, target = np.linalg.qr((columns / variance).T), square / variance
+        step = nnls(root.R, root.Q.T @ target)[0] - x
+        for halved in range(HALVED):
+            reached = deviance(x + 0.5**halved * step)
+            if reached < before:
+                break
+        if not reached < before - 1e-9:
+            reached = min(reached, before)
+            break
+        x = x + 0.5**halved * step
     inside = x > 0.0
-    weighted = columns[inside] / variance
+    weighted = columns[inside] / variance_of(x)
+    size = np.linalg.norm(weighted, axis=1)  # where a joint rests nearly always, those of the laws differ by decades
+    weighted = weighted / (size[:, None] + 1e-300)
     inner = np.linalg.pinv(weighted @ weighted.T / 2.0, rcond=1e-6, hermitian=True)
-    scores = weighted * (square / variance - 1.0) / 2.0
+    scores = weighted * (square / variance_of(x) - 1.0) / 2.0
     deviations = np.zeros(count)
-    deviations[inside] = np.sqrt(np.maximum(np.diag(inner @ (scores @ scores.T) @ inner), 0.0))
-    return n * float(best.fun), x / scale[:, 0], deviations / scale[:, 0]
+    deviations[inside] = np.sqrt(np.maximum(np.diag(inner @ (scores @ scores.T) @ inner), 0.0)) / (size + 1e-300)
+    return n * reached, x / scale[:, 0], deviations / scale[:, 0]

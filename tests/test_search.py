@@ -58,7 +58,7 @@ from diagnosis.first_fits import nearest, retuned
 from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, scan, sizes_of, withdraw
 from diagnosis.imitation import Signals, imitating, resistance, together
 from diagnosis.instants import retimed
-from diagnosis.jitter import Jitter, jitter
+from diagnosis.jitter import Jitter, fitted_scatter, jitter
 from diagnosis.ledger import faster, floor_of
 from diagnosis.nominal import JointStructure, fit_nominal, limits_settled, point_at, without_limits
 from diagnosis.other_bases import (
@@ -2090,6 +2090,19 @@ def test_a_noisy_log_of_a_fast_motion_beside_a_quiet_one_shows_no_jitter() -> No
     problem = stack(KERNEL, logs, (1,))
     found = jitter(problem, fit_nominal(problem, (JointStructure(),)), 0)
     assert found is None or found.decrease < 12.0
+
+
+def test_how_well_the_scatter_is_known_where_a_joint_rests_nearly_always() -> None:
+    """At rest errors are smaller by decades: the share of the laws that act in motion is known as it scatters."""
+    share = np.where(np.arange(5000) % 50 == 0, np.random.default_rng(1).uniform(0.5, 1.5, 5000), 0.0)
+    found, said = [], []
+    for seed in range(20):
+        laws = np.stack([np.ones(5000), share])
+        square = (np.array([1e-7, 1.0]) @ laws) * np.random.default_rng(seed).standard_normal(5000) ** 2
+        _, coefficients, deviations = fitted_scatter(laws, square)
+        found.append(coefficients[1])
+        said.append(deviations[1])
+    assert np.mean(said) == pytest.approx(np.std(found), rel=0.4)
 
 
 def test_a_disc_far_off_its_centre_is_eccentric_still() -> None:

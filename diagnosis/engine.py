@@ -25,6 +25,7 @@ from diagnosis.choice import (
     nearly_as_good,
     stays_itself,
 )
+from diagnosis.command_levels import with_levels_counted
 from diagnosis.competition import (
     beside,
     confirmed,
@@ -450,9 +451,6 @@ class Search:
             candidates = self.candidates(path, is_full=self.is_full(path))
             if not candidates:
                 break
-            if path.accepted and self.is_over:
-                path = replace(path, is_cut=path.excess > 0.0)
-                break
             explained = self.nominal.criterion - path.base.criterion
             needed = -np.inf
             if path.accepted:
@@ -462,10 +460,15 @@ class Search:
                 complete = path.excess <= allowance(self.nominal, path.base) and not self.incomplete(path)
                 needed = max(settings.threshold, settings.minor * explained) * (1.0 if complete else 0.3)
                 needed = max(needed, path.scattered)
-            repaired = self.reformed(path) or self.renamed(path) or self.repaired(path, candidates, explained)
+            repaired = None
+            if not self.is_over:
+                repaired = self.reformed(path) or self.renamed(path) or self.repaired(path, candidates, explained)
             if repaired is not None:
                 path = repaired
                 continue
+            if path.accepted and self.is_over:
+                path = replace(path, is_cut=path.excess > 0.0)
+                break
             self.tell(f"looking for effect {len(path.accepted) + 1}")
             hopeless = partial(is_too_small, path.accepted, settings, explained)
             ranked = try_all(problem, path.base, candidates, needed=needed, is_hopeless=hopeless)
@@ -1044,7 +1047,7 @@ class Search:
             said,
             nominal,
             tuple(accepted),
-            measured_precisely(problem, base) if accepted else base,
+            with_levels_counted(problem, measured_precisely(problem, base)) if accepted else base,
             left,
             path.steps,
             refused=path.refused,

@@ -175,6 +175,11 @@ class Fitted:
         return weights(self.innovation, len(self.whitener.coefficients))
 
     @property
+    def plain_covariance(self) -> Array:
+        """Inverse information (P, P) of the free parameters behind a filter that stays."""
+        return _inverse(self.jacobian @ self.jacobian.T + _certainty(self.point))
+
+    @property
     def criterion(self) -> float:
         """-2 log likelihood up to a constant: sum over joints of N ln(mean square innovation + floor).
 
@@ -435,10 +440,9 @@ def finish(
     if slopes is None:
         slopes = sensitivities(problem, point, error, first=0 if known is None else len(known))
     jacobian = _jacobian(filter_, slopes, known) * scale
-    gram = jacobian @ jacobian.T + np.diag([f.deviation**-2.0 for f in point.free])
-    diagonal = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    gram = jacobian @ jacobian.T + _certainty(point)
     if np.all(np.isfinite(gram)):
-        covariance = np.linalg.pinv(gram / np.outer(diagonal, diagonal), rcond=SINGULAR) / np.outer(diagonal, diagonal)
+        covariance = _inverse(gram)
     else:  # a model that runs away determines nothing
         jacobian, covariance = np.zeros_like(jacobian), np.diag(np.full(len(gram), np.inf))
     return Fitted(
@@ -454,11 +458,32 @@ def finish(
     )
 
 
+def _certainty(point: Point) -> Array:
+    """Information (P, P) about the free parameters that was there beforehand."""
+    return np.diag([f.deviation**-2.0 for f in point.free])
+
+
+def _inverse(gram: Array) -> Array:
+    """Inverse of an information matrix (P, P), silent about what it does not determine at all."""
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    return np.asarray(np.linalg.pinv(gram / np.outer(size, size), rcond=SINGULAR) / np.outer(size, size))
+
+
 def measured_precisely(problem: Problem, fitted: Fitted) -> Fitted:
-    """The same fit with sensitivities of second order, by which its covariance is right also where parameters can
-    nearly stand in for one another."""
+    """The same fit with the covariance that the likelihood has with the best filter for every value of the parameters,
+    from sensitivities of second order.
+
+    Parameters can nearly stand in for one another, and the filter for them: in a closed loop, where noise comes back
+    with the command, and where errors of the model look like slow noise. Then what a fixed filter tells of them is too
+    much (`whitening.Absorption`).
+    """
     slopes = precise_sensitivities(problem, fitted.point, fitted.error)
-    return finish(problem, fitted.point, fitted.error, fitted.whitener, fitted.iterations, slopes=slopes)
+    precise = finish(problem, fitted.point, fitted.error, fitted.whitener, fitted.iterations, slopes=slopes)
+    if fitted.whitener.solution is None or not np.all(np.isfinite(precise.covariance)):
+        return precise
+    absorbed = absorption(problem, fitted.error, fitted.whitener)
+    gram, _ = _systems(precise.jacobian, precise.jacobian, _certainty(fitted.point), absorbed)[-1]
+    return replace(precise, covariance=_inverse(gram))
 
 
 def rounding_floor(problem: Problem) -> Array:
@@ -470,7 +495,8 @@ def rounding_floor(problem: Problem) -> Array:
 
 
 def covariance(fitted: Fitted, least: Mapping[str, float] = MappingProxyType({})) -> Array:
-    """Covariance (P, P) of the free parameters: inverse information, widened where the sandwich is wider.
+    """Covariance (P, P) of the free parameters: that of the fit, widened where the sandwich is wider than the inverse
+    information C of a filter that stays.
 
     With scores s_k = j_k e_k (Jacobian times innovation) the sandwich is ``C (sum_l w_l sum_k s_k s_{k+l}') C``,
     Bartlett weights w over LAGS samples. least: standard deviations that parameters have at least, by their names.
@@ -481,10 +507,11 @@ def covariance(fitted: Fitted, least: Mapping[str, float] = MappingProxyType({})
     running = np.cumsum(np.pad(scores, ((0, 0), (LAGS, 0))), axis=1)
     blocks = running[:, LAGS:] - running[:, :length]
     meat = blocks @ blocks.T / LAGS
-    sandwich = fitted.covariance @ meat @ fitted.covariance
-    plain = np.diag(fitted.covariance)
+    own = fitted.plain_covariance
+    wider = np.maximum(np.diag(own @ meat @ own) / np.maximum(np.diag(own), 1e-300), 1.0)
+    variances = np.maximum(np.diag(fitted.covariance), 1e-300)
     known = np.array([least.get(f.name, 0.0) for f in fitted.point.free]) ** 2
-    wider = np.sqrt(np.maximum(np.maximum(np.diag(sandwich), known) / np.maximum(plain, 1e-300), 1.0))
+    wider = np.sqrt(np.maximum(wider, known / variances))
     return fitted.covariance * np.outer(wider, wider)
 
 

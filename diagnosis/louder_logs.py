@@ -14,6 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from diagnosis.beginning import VELOCITY, started
+from diagnosis.command_levels import with_levels_counted
 from diagnosis.estimation import Fitted, errors, finish
 from diagnosis.finding import Finding
 from diagnosis.problem import Problem, free_velocity
@@ -45,7 +46,7 @@ def on_its_own(held_out: Problem, final: Fitted) -> Fitted:
             free.append(free_velocity(held_out, j, log, fastest, float(point.starts[log, j, VELOCITY])))
     point = replace(point, free=tuple(free))
     error = errors(held_out, [point])[0]
-    return finish(held_out, point, error, whitener(held_out, error))
+    return with_levels_counted(held_out, finish(held_out, point, error, whitener(held_out, error)))
 
 
 def differs(finding: Finding, there: Fitted) -> bool:

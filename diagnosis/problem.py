@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.signal import savgol_filter
 
-from envs.log import Array, Log
+from envs.log import Array, JointFacts, Log
 from envs.log_statistics import quantisation_step
 from methods.effects.base import Scales
 from methods.kernel import BEGINNING, DAMPING, LANES, NOMINAL, Kernel
@@ -25,6 +25,7 @@ from methods.kernel import BEGINNING, DAMPING, LANES, NOMINAL, Kernel
 SEGMENT = 60_000  # samples of one segment of a long recording
 DIVERGED = 1e6  # prediction error [rad or m] that stands for a simulation that left all bounds
 LIMIT = 240_000  # samples that take part in a fit
+MANY_LEVELS = 10  # different levels of a command from which its resolution may be read off them
 DITHER = 0.02  # rms of the noise that continuous readings are given, as a share of that of the motion between two
 STEP = 2e-3  # longest step of a simulation [s]
 ROOM = 4  # least number by which the samples of a simulation are decimated where their steps are several of the logs'
@@ -103,7 +104,8 @@ class Problem:
     is discarded at the beginning of every log while initial errors of the angle decay. decimation: the errors are
     compared in a band up to 0.4 / (decimation sample_time) only (1: in the whole band). thinning: samples of the logs
     that one of these stands for (`coarser`). stamps: see `Stamps`.
-    command_limits: largest command per joint, of its logs where the drive's is unknown. dither: see `dither_of`.
+    command_limits: largest command per joint, of its logs where the drive's is unknown. command_steps: resolution of a
+    measured command per joint, 0 of one that acts as it is written. dither: see `dither_of`.
     motions: see `diagnosis.estimation.predicted_motion`. doubts: what the torques of the arm may be off by, (T, draws)
     or (0, 0).
     """
@@ -127,6 +129,7 @@ class Problem:
     thinning: int = 1
     stamps: Stamps | None = None
     command_limits: tuple[float, ...] = ()
+    command_steps: tuple[float, ...] = ()
     starts: Array = field(default_factory=lambda: np.zeros((0, 0, len(BEGINNING))))
     arm: KnownTorques | None = None
     doubts: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -552,10 +555,19 @@ def stack(
         command_limits=tuple(
             fact.command_limit or float(np.max(np.abs(own))) for fact, own in zip(facts, command.T, strict=True)
         ),
+        command_steps=tuple(measured_step(fact, own) for fact, own in zip(facts, command.T, strict=True)),
         starts=np.array(starts),
         arm=arm,
         doubts=np.concatenate(doubts) if doubts else np.zeros((0, 0)),
     )
+
+
+def measured_step(facts: JointFacts, command: Array) -> float:
+    """Resolution of a command (T,) that was measured: as stated or, where it takes many levels, as it shows."""
+    if facts.hold == "zero_order":
+        return 0.0
+    shown = quantisation_step(command) if len(np.unique(command)) >= MANY_LEVELS else None
+    return facts.command_step or shown or 0.0
 
 
 def scales(problem: Problem, nominal: Array, torque: Array, joint: int) -> Scales:

@@ -7,8 +7,9 @@ converter is as much inertia and friction, whatever the encoder says.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 import numpy as np
 
@@ -30,27 +31,31 @@ def with_levels_counted(problem: Problem, fitted: Fitted) -> Fitted:
     To first order a level that is off by d moves them by ``C J' r d``, with r what a unit of it does to the
     innovations; d is uniform over one step, independently for every level of every log.
     """
-    moved: list[Problem] = []
-    for j, step in enumerate(problem.command_steps):
-        held = [held_levels(problem.command[a:b, j]) if step else [] for a, b in pairwise(problem.bounds)]
-        for place in range(max(map(len, held))):
-            command = problem.command.copy()
-            for levels, (a, b) in zip(held, pairwise(problem.bounds), strict=True):
-                own = command[a:b, j]  # a view
-                own[own == (levels[place] if place < len(levels) else np.nan)] += step / np.sqrt(12.0)
-            moved.append(replace(problem, command=command))
+    moved = [off for j, step in enumerate(problem.command_steps) if step for off in with_one_level_off(problem, j)]
     if not moved:
         return fitted
     estimator = fitted.plain_covariance @ fitted.jacobian
-    own = np.tile(log_of(problem, fitted.whitener), problem.joints) == np.arange(problem.logs)[:, None]
+    in_log = np.tile(log_of(problem, fitted.whitener), problem.joints) == np.arange(problem.logs)[:, None]
 
     def shifts(there: Problem) -> Array:
-        """Change (P, L) of the parameters by a level of every log."""
+        """Change (P, L) of the parameters by the level of every log."""
         response = fitted.whitener(errors(there, [fitted.point])[0] - fitted.error) * fitted.weights
-        return np.asarray(estimator @ (own * response).T)
+        return np.asarray(estimator @ (in_log * response).T)
 
     every = np.concatenate(each(shifts, moved), axis=1)
     return replace(fitted, covariance=fitted.covariance + every @ every.T)
+
+
+def with_one_level_off(problem: Problem, j: int) -> Iterator[Problem]:
+    """The logs with one held level of each, of the command of joint index j, off by the deviation of its rounding; as
+    often as a log holds levels."""
+    held = [held_levels(problem.command[a:b, j]) for a, b in pairwise(problem.bounds)]
+    for levels in zip_longest(*held):
+        command = problem.command.copy()
+        for level, (a, b) in zip(levels, pairwise(problem.bounds), strict=True):
+            if level is not None:
+                command[a:b, j] += (command[a:b, j] == level) * problem.command_steps[j] / np.sqrt(12.0)
+        yield replace(problem, command=command)
 
 
 def held_levels(command: Array) -> list[float]:

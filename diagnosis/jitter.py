@@ -49,6 +49,8 @@ def jitter(problem: Problem, fitted: Fitted, joint: int) -> Jitter | None:
     """The jitter that the scatter of the innovations shows, or None where another law of the scatter does as well."""
     rows = fitted.whitener.rows
     square = fitted.innovation.reshape(problem.joints, -1)[joint] ** 2
+    if not np.any(square):
+        return None
     motion = predicted_motion(problem, fitted.point)[:, joint]
     velocity, torque = motion[:, 1], motion[:, 2]
     acceleration = np.diff(velocity, prepend=velocity[:1])
@@ -111,7 +113,7 @@ def fitted_scatter(laws: Array, square: Array) -> tuple[float, Array, Array]:
     for _ in range(SCORED):  # Fisher scoring: squares have a deviation in proportion to their variance
         variance, before = variance_of(x), reached
         root, target = np.linalg.qr((columns / variance).T), square / variance
-        step = nnls(root.R, root.Q.T @ target)[0] - x
+        step = nnls(root.R, root.Q.T @ target, maxiter=SCORED * count)[0] - x
         for halved in range(HALVED):
             reached = deviance(x + 0.5**halved * step)
             if reached < before:

@@ -2105,6 +2105,12 @@ def test_how_well_the_scatter_is_known_where_a_joint_rests_nearly_always() -> No
     assert np.mean(said) == pytest.approx(np.std(found), rel=0.4)
 
 
+def test_a_motion_that_is_predicted_to_the_last_bit_shows_no_jitter() -> None:
+    problem = jittering(0.0)
+    fitted = fit_nominal(problem, (JointStructure(),))
+    assert jitter(problem, replace(fitted, innovation=np.zeros_like(fitted.innovation)), 0) is None
+
+
 def test_a_disc_far_off_its_centre_is_eccentric_still() -> None:
     """A magnet on a small shaft may sit a third of its radius away from the centre."""
     problem = problem_of(

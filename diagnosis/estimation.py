@@ -57,6 +57,11 @@ class Point:
         """Least and largest values (P,) of the free parameters."""
         return np.array([f.lower for f in self.free]), np.array([f.upper for f in self.free])
 
+    @property
+    def certainty(self) -> Array:
+        """Information (P,) about the free parameters that was there beforehand: one over their variances."""
+        return np.array([f.deviation for f in self.free]) ** -2.0
+
     def within(self, vector: Array) -> Point:
         """The same with each value at its bound where it lies beyond."""
         return self.at(np.clip(vector, *self.bounds))
@@ -177,7 +182,7 @@ class Fitted:
     @property
     def plain_covariance(self) -> Array:
         """Inverse information (P, P) of the free parameters behind a filter that stays."""
-        return _inverse(self.jacobian @ self.jacobian.T + _certainty(self.point))
+        return _inverse(self.jacobian @ self.jacobian.T + np.diag(self.point.certainty))
 
     @property
     def criterion(self) -> float:
@@ -288,7 +293,7 @@ def fit(
     error = errors(problem, [point])[0]
     lower, upper = point.bounds
     centre = np.array([f.centre for f in point.free])
-    certainty = np.array([f.deviation for f in point.free]) ** -2.0
+    certainty = point.certainty
     first = 0 if known is None else len(known)
     damping, count, age = 1e-3, 0, 0
     slopes: Array | None = None  # taken `age` steps ago
@@ -440,7 +445,7 @@ def finish(
     if slopes is None:
         slopes = sensitivities(problem, point, error, first=0 if known is None else len(known))
     jacobian = _jacobian(filter_, slopes, known) * scale
-    gram = jacobian @ jacobian.T + _certainty(point)
+    gram = jacobian @ jacobian.T + np.diag(point.certainty)
     if np.all(np.isfinite(gram)):
         covariance = _inverse(gram)
     else:  # a model that runs away determines nothing
@@ -456,11 +461,6 @@ def finish(
         rounding_floor(problem),
         problem.credible(error),
     )
-
-
-def _certainty(point: Point) -> Array:
-    """Information (P, P) about the free parameters that was there beforehand."""
-    return np.diag([f.deviation**-2.0 for f in point.free])
 
 
 def _inverse(gram: Array) -> Array:
@@ -482,7 +482,7 @@ def measured_precisely(problem: Problem, fitted: Fitted) -> Fitted:
     if fitted.whitener.solution is None or not np.all(np.isfinite(precise.covariance)):
         return precise
     absorbed = absorption(problem, fitted.error, fitted.whitener)
-    gram, _ = _systems(precise.jacobian, precise.jacobian, _certainty(fitted.point), absorbed)[-1]
+    gram, _ = _systems(precise.jacobian, precise.jacobian, np.diag(fitted.point.certainty), absorbed)[-1]
     return replace(precise, covariance=_inverse(gram))
 
 
@@ -523,7 +523,7 @@ def undetermined(fitted: Fitted) -> Array:
     no prediction, and yet has a variance, is known from elsewhere: the jitter of the instants from the scatter of the
     errors.
     """
-    certainty = np.array([f.deviation**-2.0 for f in fitted.point.free])
+    certainty = fitted.point.certainty
     certainty[~np.any(fitted.jacobian, axis=1) & (np.diag(fitted.covariance) > 0.0)] = 1.0
     gram = fitted.jacobian @ fitted.jacobian.T + np.diag(certainty)
     size = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))

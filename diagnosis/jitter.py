@@ -111,23 +111,21 @@ def fitted_scatter(laws: Array, square: Array) -> tuple[float, Array, Array]:
     x = np.full(count, 1.0 / count)
     reached = deviance(x)
     for _ in range(SCORED):  # Fisher scoring: squares have a deviation in proportion to their variance
-        variance, before = variance_of(x), reached
-        root, target = np.linalg.qr((columns / variance).T), square / variance
-        step = nnls(root.R, root.Q.T @ target, maxiter=SCORED * count)[0] - x
-        for halved in range(HALVED):
-            reached = deviance(x + 0.5**halved * step)
-            if reached < before:
-                break
-        if not reached < before - 1e-9:
-            reached = min(reached, before)
+        variance = variance_of(x)
+        root = np.linalg.qr((columns / variance).T)
+        step = nnls(root.R, root.Q.T @ (square / variance), maxiter=SCORED * count)[0] - x
+        tried = ((deviance(other), other) for other in (x + 0.5**k * step for k in range(HALVED)))
+        lower = next((item for item in tried if item[0] < reached), None)
+        if lower is None or lower[0] > reached - 1e-9:
             break
-        x = x + 0.5**halved * step
+        reached, x = lower
+    variance = variance_of(x)
     inside = x > 0.0
-    weighted = columns[inside] / variance_of(x)
+    weighted = columns[inside] / variance
     size = np.linalg.norm(weighted, axis=1)  # where a joint rests nearly always, those of the laws differ by decades
     weighted = weighted / (size[:, None] + 1e-300)
     inner = np.linalg.pinv(weighted @ weighted.T / 2.0, rcond=1e-6, hermitian=True)
-    scores = weighted * (square / variance_of(x) - 1.0) / 2.0
+    scores = weighted * (square / variance - 1.0) / 2.0
     deviations = np.zeros(count)
     deviations[inside] = np.sqrt(np.maximum(np.diag(inner @ (scores @ scores.T) @ inner), 0.0)) / (size + 1e-300)
     return n * reached, x / scale[:, 0], deviations / scale[:, 0]

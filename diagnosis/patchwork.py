@@ -256,7 +256,7 @@ def is_polynomial(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect
     basis = np.vstack([final.jacobian[others], filtered[1:]])
     away, certainty = np.zeros(len(basis)), np.zeros(len(basis))
     away[: sum(others)] = (final.point.vector - [f.centre for f in final.point.free])[others]
-    certainty[: sum(others)] = np.array([f.deviation for f in final.point.free])[others] ** -2.0
+    certainty[: sum(others)] = final.point.certainty[others]
     rest = final.innovation * scale + filtered[0]
     cost = float(rest @ rest) - project(basis, rest, certainty, away)[1]
     return cost - float((final.innovation * scale) @ (final.innovation * scale)) < margin

@@ -566,8 +566,9 @@ def measured_step(facts: JointFacts, command: Array) -> float:
     """Resolution of a command (T,) that was measured: as stated or, where it takes many levels, as it shows."""
     if facts.hold == "zero_order":
         return 0.0
-    shown = quantisation_step(command) if len(np.unique(command)) >= MANY_LEVELS else None
-    return facts.command_step or shown or 0.0
+    if facts.command_step or len(np.unique(command)) < MANY_LEVELS:
+        return facts.command_step or 0.0
+    return quantisation_step(command) or 0.0
 
 
 def scales(problem: Problem, nominal: Array, torque: Array, joint: int) -> Scales:

@@ -37,7 +37,7 @@ class View:
         """The view of a fit, its errors being those of the fit."""
         noise = fitted.weights
         point = fitted.point
-        certainty = np.array([f.deviation for f in point.free]) ** -2.0
+        certainty = point.certainty
         expected = np.array([f.centre for f in point.free]) - point.vector
         residual = fitted.innovation * noise
         held = _pressing(point, fitted.jacobian @ residual)

@@ -423,7 +423,7 @@ def drifts(problem: Problem, fitted: Fitted, joint: int, scatter: Array) -> tupl
     extra[1, :, joint] = 0.01 * problem.command[:, joint]
     both = fitted.whitener(errors(problem, [fitted.point] * 2, extra=extra)) * noise
     reference = max(100.0 * float(np.linalg.norm(both[1] - both[0])), 1e-300)
-    certainty = np.diag([f.deviation**-2.0 for f in fitted.point.free])
+    certainty = np.diag(fitted.point.certainty)
     inverse = np.linalg.pinv(basis @ basis.T + certainty, rcond=1e-14, hermitian=True)
     samples, found = np.vstack([residual, scatter]), []
     right = samples @ basis.T

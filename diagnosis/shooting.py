@@ -168,7 +168,7 @@ def agreed(pieces: Pieces) -> Agreement:
     """
     problem, point = pieces.problem, replace(pieces.point, free=pieces.free)
     centre = np.array([f.centre for f in pieces.free])
-    certainty = np.array([f.deviation for f in pieces.free]) ** -2.0
+    certainty = point.certainty
     lower, upper = point.bounds
     observed = _state_of(pieces.point)
     held = 1.0 / np.tile(pieces.size.ravel(), (problem.logs, 1)) ** 2

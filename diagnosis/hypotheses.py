@@ -465,6 +465,11 @@ def scan(
     return _scan_events(problem, tool, effect, joint, size)
 
 
+def fastest_wave(problem: Problem) -> float:
+    """The highest frequency [Hz] at which a wave is sought: a little below what the filter's lags can tell apart."""
+    return 0.45 / (problem.decimation * problem.sample_time)
+
+
 def _scan_time(
     problem: Problem, tool: Adjoint, effect: Effect, joint: int, size: Scales
 ) -> list[tuple[Hypothesis, Array, int]]:
@@ -476,7 +481,7 @@ def _scan_time(
     power = np.maximum(tool.power(2 * np.pi * frequency, problem.sample_time), 1e-300)
     for a, b in zip(problem.bounds[:-1], problem.bounds[1:], strict=True):
         score += 2 * np.abs(np.fft.rfft(tool.correlation[a:b], n)) ** 2 / ((b - a) * power * tool.variance)
-    valid = (frequency > 0.7 / size.duration) & (frequency < 0.45 / (problem.decimation * problem.sample_time))
+    valid = (frequency > 0.7 / size.duration) & (frequency < fastest_wave(problem))
     score[~valid] = 0.0
     found = []
     for index in peaks(score, 3, spacing=4):
@@ -510,7 +515,7 @@ def waves(problem: Problem, tool: Adjoint, joint: int, velocity: Array, weight: 
     least = 2.0 if problem.revolute else 2 * np.pi / span
     spacing = min(np.pi / span / 3, 1.0) if not problem.revolute else min(np.pi / span / 3, 0.5)
     fastest = max(float(np.sqrt(np.mean(problem.velocity[:, joint] ** 2))), 1e-12)
-    most = min(0.5 * np.pi / (problem.decimation * problem.sample_time * fastest), CYCLES * spacing)
+    most = min(2 * np.pi * fastest_wave(problem) / fastest, CYCLES * spacing)
     if problem.revolute:
         most = min(most, 1200.0)
     cycles = np.arange(least, most, spacing)

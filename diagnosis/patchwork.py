@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from enum import Enum
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,9 +62,9 @@ def patchwork(problem: Problem, final: Fitted, accepted: Sequence[Accepted], mar
 
     Frictions: both contain dry friction, which cannot be there twice, or one is so rounded that it never comes near its
     level. A soft constraint that takes the velocity away as slowly as the joint itself coasts is no friction either.
-    Torques of the position: they nearly cancel, a wave shows for less than PERIODS and its length stays VAGUE, or a
-    polynomial of the position with as many coefficients explains the logs as well, up to `margin` of -2 log likelihood
-    (where they do not each draw the joint back).
+    Torques of the position: they nearly cancel, a wave shows for less than PERIODS and its length stays VAGUE, of two
+    waves of neighbouring lengths only the sum is certain, or a polynomial of the position with as many coefficients
+    explains the logs as well, up to `margin` of -2 log likelihood (where they do not each draw the joint back).
     All laws without a memory: an offset far beyond the commands that an asymmetry takes back is a piece of another law.
     Laws of the command and of the motor torque, where this is the command: neither has its textbook's form. A play
     whose contact hardens and is pressed far deeper than the play is wide. A flexibility whose spring takes
@@ -158,16 +158,33 @@ def rms_velocity(problem: Problem, j: int) -> float:
 
 
 def is_piece(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect]) -> bool:
-    """Whether one of the laws is a wave of which the logs show a piece only."""
-    deviation = dict(zip((f.name for f in final.point.free), np.sqrt(np.diag(final.covariance)), strict=True))
+    """Whether one of the laws is a wave of which the logs show a piece only, or one of two that differ by less than a
+    period over the way that the logs show, of which neither the one nor the other is certain: such a pair is a wave
+    whose height changes along that way."""
+    free = {f.name: i for i, f in enumerate(final.point.free)}
     span = float(np.ptp(problem.reading[problem.used, j]))
+    certain: list[tuple[float, bool]] = []
     for effect in laws:
         if effect.scan == "position":
-            cycles = final.point.parameters[0, j, problem.kernel.column(effect, "cycles_per_rev")]
-            vague = deviation.get(f"{effect.name}.cycles_per_rev@{j}", 0.0) > VAGUE * cycles
+            cycles = float(final.point.parameters[0, j, problem.kernel.column(effect, "cycles_per_rev")])
+            length = free.get(f"{effect.name}.cycles_per_rev@{j}")
+            vague = length is not None and np.sqrt(final.covariance[length, length]) > VAGUE * cycles
             if vague and cycles * span < 2.0 * np.pi * PERIODS:
                 return True
-    return False
+            certain.append((cycles, is_high(final, [f"{effect.name}.{part}@{j}" for part in ("sine", "cosine")])))
+    return any(
+        abs(one - other) * span < 2.0 * np.pi and not (is_certain and is_other_certain)
+        for (one, is_certain), (other, is_other_certain) in combinations(certain, 2)
+    )
+
+
+def is_high(final: Fitted, amplitudes: Sequence[str]) -> bool:
+    """Whether a wave of these amplitudes, by their names, is certainly there beside all else that is uncertain."""
+    own = [i for i, f in enumerate(final.point.free) if f.name in amplitudes]
+    spread, height = final.covariance[np.ix_(own, own)], final.point.vector[own]
+    size = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+    squares = (height / size) @ np.linalg.pinv(spread / np.outer(size, size), hermitian=True) @ (height / size)
+    return bool(squares > CERTAIN**2)
 
 
 def torques(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect], places: Array) -> Array:

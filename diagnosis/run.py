@@ -47,7 +47,7 @@ from diagnosis.preparation import (
     recordings,
 )
 from diagnosis.problem import LIMIT, Problem, coarser, in_band, segments, smooth_derivatives, stack
-from diagnosis.quantities import title
+from diagnosis.quantities import percent, title
 from diagnosis.replay import WINDOW, input_equivalent
 from diagnosis.report import render
 from diagnosis.result import (
@@ -239,7 +239,13 @@ def diagnose(
                 louder_said,
                 budget_said,
             )
-            notes = (scale_said(result), instants_said(result), *(said(solved, j) for said in solved_notes))
+            constants = 0.0 if read.robot is None else read.robot.joint(group[j]).drive.input_equivalent_uncertainty
+            notes = (
+                scale_said(result),
+                instants_said(result),
+                constants_said(result, constants),
+                *(said(solved, j) for said in solved_notes),
+            )
             findings += [*filter(None, notes), *doubts(solved, j, result.effects)]
         if solved.rest:
             rests.setdefault(solved.rest, []).append(group[0])
@@ -348,6 +354,21 @@ def scale_said(result: JointResult) -> str:
     return (
         f"joint {result.joint}: {names} are all about {factor:.2g} times those of the robot's description: a gear "
         "ratio, a unit, or the scale of its position or command is wrong"
+    )
+
+
+def constants_said(result: JointResult, uncertainty: float) -> str:
+    """That what is named in N m or N is as uncertain as the drive's constants, where the description says so;
+    uncertainty: relative and multiplicative, of command units per torque."""
+    every = [parameter for effect in result.effects for parameter in effect.parameters]
+    if uncertainty == 0.0 or not any(p.physical.unit.startswith(result.torque_unit) for p in every):
+        return ""
+    if result.torque_unit == result.command_unit:
+        return ""
+    off = percent(uncertainty, 2) if uncertainty < 1.0 else f"a factor of {1.0 + uncertainty:.2g}"
+    return (
+        f"joint {result.joint}: values in {result.torque_unit} follow from the description's drive constants, which "
+        f"may together be {off} off; as commands (input_equivalent) they are as certain as is stated"
     )
 
 

@@ -153,6 +153,17 @@ class Drive:
         return per_current * self.resistance.value if self.amplifier == "voltage" else per_current
 
     @property
+    def input_equivalent_uncertainty(self) -> float:
+        """Uncertainty of `input_equivalent`, relative and multiplicative as that of a `Quantity`: all that is stated of
+        the constants in it."""
+        constants = {
+            "torque": (self.amplifier_gain,),
+            "current": (self.amplifier_gain, self.motor_constant, self.gear_ratio),
+            "voltage": (self.amplifier_gain, self.motor_constant, self.gear_ratio, self.resistance),
+        }
+        return math.prod(1.0 + constant.uncertainty for constant in constants[self.amplifier]) - 1.0
+
+    @property
     def command_step(self) -> float | None:
         """Resolution of the command [its unit]: 2 limit / 2^bits; None when the command is not quantised."""
         return None if self.command_bits is None else 2.0 * self.command_limit.value / 2**self.command_bits

@@ -58,6 +58,7 @@ from diagnosis.run import (
     applying,
     arm_said,
     check_turns,
+    constants_said,
     diagnose,
     doubts,
     is_dated,
@@ -75,6 +76,7 @@ from envs.excitation import parse
 from envs.log import Array, InputKind, JointFacts, Log
 from envs.log_files import load, save
 from envs.plant.plant import record
+from envs.robot import Quantity
 from methods.base import State
 from methods.effects import built_in
 from methods.effects.base import Effect
@@ -1168,6 +1170,23 @@ def test_parameters_that_all_differ_by_one_factor_speak_of_another_scale(
     result = SimpleNamespace(nominal=[parameter(*item) for item in stated.items()], joint=3)
     text = scale_said(result)
     assert (f"joint 3: inertia, damping and gravity are all about {said}" in text) if said else not text
+
+
+def test_values_in_newton_metres_are_as_uncertain_as_the_drive_s_constants() -> None:
+    def joint(unit: str, *, torque_unit: str = "N m", command_unit: str = "V") -> SimpleNamespace:
+        found = ParameterEstimate("torque", Estimate(0.83, 0.001, unit), Estimate(0.43, 0.0005, command_unit))
+        effects = [SimpleNamespace(parameters=(found,))]
+        return SimpleNamespace(effects=effects, torque_unit=torque_unit, command_unit=command_unit, joint=2)
+
+    drive = adept_robot().joint(1).drive
+    exact = replace(drive, resistance=Quantity(1.3, "ohm", "data sheet", 0.1), motor_constant=Quantity(0.05, "", ""))
+    assert exact.input_equivalent_uncertainty == pytest.approx(0.1)
+    assert drive.input_equivalent_uncertainty == pytest.approx(3.0)  # resistance and motor constant by a factor of two
+    assert "may together be 10\u00a0% off" in constants_said(joint("N m"), 0.1)
+    assert "may together be a factor of 4 off" in constants_said(joint("N m s/rad"), 3.0)
+    assert not constants_said(joint("N m"), 0.0)
+    assert not constants_said(joint("s"), 0.1)
+    assert not constants_said(joint("N m", command_unit="N m"), 0.1)
 
 
 def test_an_effect_of_which_no_parameter_is_known_is_not_determined() -> None:

@@ -10,7 +10,7 @@ from diagnosis.finding import Accepted
 from diagnosis.hypotheses import Hypothesis, Start, extend
 from diagnosis.lags import BACK_EMF, WINDING
 from diagnosis.nominal import JointStructure, fit_nominal
-from diagnosis.patchwork import Patchwork, draw_back, is_doubled, is_polynomial, patchwork, rms_velocity
+from diagnosis.patchwork import Patchwork, draw_back, is_doubled, is_piece, is_polynomial, patchwork, rms_velocity
 from diagnosis.problem import Problem, stack
 from diagnosis.search import Scored
 from envs.log import JointFacts, Log
@@ -103,6 +103,19 @@ def test_dry_friction_that_never_reaches_its_level_is_none(rounding: float, is_d
     assert 1.6 < rms_velocity(problem, 0) < 2.2
     fitted, accepted = fitted_with(problem, friction)
     assert patchwork(problem, fitted, accepted, MARGIN) == ({} if is_dry else {0: Patchwork.FRICTION})
+
+
+@pytest.mark.parametrize(("other", "step", "is_one"), [(6.2, 1e-5, False), (6.2, 2e-2, True), (12.0, 2e-2, False)])
+def test_of_two_waves_of_nearly_one_length_only_the_sum_may_be_certain(other: float, step: float, is_one: bool) -> None:
+    """Over about 3 rad, 6 and 6.2 cycles per revolution differ by a tenth of a period, 6 and 12 by three."""
+    waves = {
+        "cogging_torque": {"sine": 0.03, "cosine": 0.0, "cycles_per_rev": 6.0},
+        "cogging_torque_2": {"sine": 0.0, "cosine": 0.03, "cycles_per_rev": other},
+    }
+    problem = problem_of(waves, 1.2, step)
+    fitted, accepted = fitted_with(problem, waves)
+    assert 2.0 < np.ptp(problem.reading) < 6.0
+    assert is_piece(problem, fitted, 0, [item.effect for item in accepted]) is is_one
 
 
 @pytest.mark.parametrize(("gap", "is_play"), [(0.004, True), (4e-4, True), (1e-6, False)])

@@ -32,7 +32,7 @@ from diagnosis.result import (
     SignalDependence,
 )
 from diagnosis.settings import TYPICAL
-from diagnosis.text import enumerated, is_helped, is_uncertain, joint_sentence
+from diagnosis.text import enumerated, in_words, is_helped, is_uncertain, joint_sentence
 
 SIGNIFICANT = 1e-3
 """p-value below which the remainder counts as dependent on a signal."""
@@ -136,6 +136,7 @@ def render(diagnosis: Diagnosis) -> str:
         unbroken=quantities.unbroken,
         angle=angle,
         error=error,
+        in_words=in_words,
     )
     environment.globals.update(
         measured=quantities.measured,

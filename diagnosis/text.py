@@ -36,6 +36,15 @@ ARM = re.compile(r"arm(_shape_\d+)?")
 """Nominal parameters that correct what the rest of a described arm does to a joint."""
 
 
+IN_WORDS = {"direction": "direction by position (as friction that differs along the travel does)"}
+"""Signals whose functions are more than their name says."""
+
+
+def in_words(signal: str) -> str:
+    """A signal that a remainder depends on, as a sentence says it."""
+    return IN_WORDS.get(signal, signal)
+
+
 def describe(effect: NamedEffect, command_unit: str = "V") -> str:
     """An effect with the parameters that say how strong it is: ``Coulomb friction of 6.9 ± 0.1 N m``."""
     named = {p.name: rounded(p.physical) for p in effect.parameters}
@@ -126,7 +135,7 @@ def _finding(joint: JointResult, gap: Gap | None) -> str:
         )
     if joint.verdict == "unknown":
         signals = [d.signal for d in joint.remainder[:2] if d.p_value < 1e-3 and d.signal not in OWN_SENTENCE]
-        depends = f"; it depends on {' and '.join(signals)}" if signals else ""
+        depends = f"; it depends on {' and '.join(map(in_words, signals))}" if signals else ""
         if not signals or signals[0] == ELAPSED:
             drifting = [d for d in joint.drifts if d.is_certain]
             likeliest = [d for d in drifting if d.decrease > drifting[0].decrease - RIVAL]

@@ -418,6 +418,8 @@ def test_the_sentence_names_the_parameters_that_drift_where_only_time_tells() ->
     assert joint_sentence(replace(joint, remainder=position), None).endswith(
         "; it depends on position and elapsed time."
     )
+    direction = replace(joint, remainder=(SignalDependence("direction", 950.0, 5, 0.0),))
+    assert "direction by position (as friction that differs along the travel does)" in joint_sentence(direction, None)
     only = joint_sentence(replace(joint, remainder=(), drifts=drifts[:1]), None)
     assert only.endswith("; the viscous damping does not stay the same over the logs.")
 

@@ -30,6 +30,10 @@ LEAST_RISE = 1e-3
 """Relative rise of resistance that a winding may have at least."""
 SMALL = 0.01
 """Change of a state, as a share of its typical size, by which the response to it is taken."""
+ROUNDS = 5
+"""How often states at the beginning of a log are regressed at most."""
+SETTLED = 1e-3
+"""Relative decrease of the squares of what is seen of them, below which that ends."""
 WORTHWHILE = 2.0
 """Least decrease of -2 log likelihood per state."""
 
@@ -118,24 +122,38 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
 
     The velocities of `transfer` are smoothed over a stretch in which a command that sets in at once may have changed
     them by much. Here the whitened prediction errors of a log (`seen`) are regressed on the responses to other states,
-    each known beforehand: velocities as `start_deviation` says, the others by their typical size.
+    each known beforehand: velocities as `start_deviation` says, the others by their typical size. Again from there, as
+    long as that still does better: a winding that is as warm as it becomes makes another motion than to first order.
     """
     whiten, states = on_logs(problem, filter_), pushes(problem, point)
     size = SMALL * np.array([item.size for item in states])
-    errors_, starts = errors(problem, [point, *pushed(point, states)]), point.starts.copy()
-    for log, (a, b) in enumerate(pairwise(problem.bounds)):
-        plain, *others = seen(problem, whiten, errors_, log)
-        noise = float(np.sqrt(np.mean(plain[: problem.joints * len(whiten.rows)] ** 2)))
-        speed = start_deviation(problem, np.max(np.abs(problem.velocity[a:b]), axis=0))
-        deviation = np.array([speed[item.joint] if item.column == VELOCITY else item.size for item in states])
-        basis = np.vstack([np.stack([other - plain for other in others], axis=1), np.diag(noise * size / deviation)])
-        change = size * np.linalg.lstsq(basis, np.concatenate([plain, np.zeros(len(states))]), rcond=None)[0]
-        for item, own in zip(states, change, strict=True):
-            starts[log, item.joint, item.column] = max(starts[log, item.joint, item.column] - own, item.least)
-    moved = replace(point, starts=starts)
-    both = np.stack([errors_[0], errors(problem, [moved])[0]])
-    before, after = sum(np.sum(seen(problem, whiten, both, log) ** 2, axis=1) for log in range(problem.logs))
-    return moved if after < before else point
+    place = [item.joint for item in states], [item.column for item in states]
+    least, best = np.array([item.least for item in states]), point
+    errors_ = errors(problem, [best, *pushed(best, states)])
+    for _ in range(ROUNDS):
+        starts = best.starts.copy()
+        for log, (a, b) in enumerate(pairwise(problem.bounds)):
+            plain, *others = seen(problem, whiten, errors_, log)
+            noise = float(np.sqrt(np.mean(plain[: problem.joints * len(whiten.rows)] ** 2)))
+            speed = start_deviation(problem, np.max(np.abs(problem.velocity[a:b]), axis=0))
+            deviation = np.array([speed[item.joint] if item.column == VELOCITY else item.size for item in states])
+            basis = np.vstack(
+                [np.stack([other - plain for other in others], axis=1), np.diag(noise * size / deviation)]
+            )
+            away = starts[log][place] - point.starts[log][place]
+            target = np.concatenate([plain, noise * away / deviation])
+            change = size * np.linalg.lstsq(basis, target, rcond=None)[0]
+            starts[log][place] = np.maximum(starts[log][place] - change, least)
+        moved = replace(best, starts=starts)
+        again = errors(problem, [moved, *pushed(moved, states)])
+        both = np.stack([errors_[0], again[0]])
+        before, after = sum(np.sum(seen(problem, whiten, both, log) ** 2, axis=1) for log in range(problem.logs))
+        if not after < before:
+            break
+        best, errors_ = moved, again
+        if after > before * (1.0 - SETTLED):
+            break
+    return best
 
 
 def seen(problem: Problem, whiten: Whitener, errors_: Array, log: int) -> Array:

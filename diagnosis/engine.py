@@ -108,6 +108,8 @@ FORKS = 2
 """Other ways that are tried."""
 SLIGHT = 3
 """Slight effects that are tried in the place of others."""
+MANY = 3
+"""Torques of the position beside which no further one is sought if they are pieces of another one."""
 REFINED = 0.25
 """Budgets of simulations that laws may be exchanged for where no more is left than noise and inexact laws leave."""
 WHOLE = 0.1
@@ -637,7 +639,8 @@ class Search:
         """The effects that may come next: all others, or those that contain one that is there.
 
         Where small causes grow and nothing is left but what noise may do there, not those whose frequency or instant is
-        searched for: among many fits that end elsewhere by chance, some end better.
+        searched for: among many fits that end elsewhere by chance, some end better. Where `MANY` torques of the
+        position are pieces of another one, not one more.
         """
         arm: tuple[str, ...] = ()
         if self.problem.pair:
@@ -647,10 +650,14 @@ class Search:
         contains = lambda effect, j: any((name, j) in there for name in effect.includes)  # noqa: E731
         joints = range(self.problem.joints)
         rough = {j for j in joints if path.left and path.excess == 0.0 and scatters(self.problem, path.base.point, j)}
+        places = [item.joint for item in path.accepted if of_position(item.effect)]
+        many = [j for j in joints if places.count(j) >= MANY]
+        crowded = {j for j in many if self.pieces(path).get(j) is Patchwork.POSITION}
         return [
             (effect, j)
             for effect, j in others
-            if contains(effect, j) or not (is_full or (j in rough and effect.scan is not None))
+            if contains(effect, j)
+            or not (is_full or (j in rough and effect.scan is not None) or (j in crowded and of_position(effect)))
         ]
 
     def advanced(self, path: Path, chosen: Accepted) -> Path:

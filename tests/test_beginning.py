@@ -161,6 +161,15 @@ def test_a_winding_that_begins_warm_is_found_warm() -> None:
     assert other.starts[0, 0, HEAT] == pytest.approx(0.2, abs=0.02)
 
 
+def test_a_hot_beginning_of_another_log_is_found_though_a_first_step_does_not_reach_it() -> None:
+    problem, other = stack(KERNEL, [warmed(1, 0.0)], (1,)), stack(KERNEL, [warmed(3, 0.8)], (1,))
+    point = fit_nominal(problem, (JointStructure(),)).point
+    drift = extend(problem, point, Hypothesis(NAMED["thermal_drift"], 0), np.array([[RISE, SECONDS]]))
+    fitted = in_turns(problem, fit(problem, drift, rounds=2, iterations=8))
+    begun = started(other, fitted.point, fitted.whitener)
+    assert begun.starts[0, 0, HEAT] == pytest.approx(0.8, abs=0.01)
+
+
 def test_a_machine_that_warms_up_whatever_the_current_is_a_thermal_drift() -> None:
     """With its rise and time constant, and from cold: a cold winding that is said to begin colder yet would look alike
     in these logs and in no others."""

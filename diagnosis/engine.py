@@ -380,6 +380,11 @@ def has_spring(path: Path) -> bool:
     return any(item.effect.parts_the_arm and not item.effect.scatters for item in path.accepted)
 
 
+def stiffens(path: Path) -> bool:
+    """Whether an arm hangs on a spring that is soft about its rest only, as one in a play seems to be."""
+    return any("stiffening" in {parameter.name for parameter in item.effect.parameters} for item in path.accepted)
+
+
 def bends(item: Accepted) -> bool:
     """Whether it is dry friction of bristles, which cannot be behind a play."""
     return item.effect.is_dry and not acts_on_either_side(item.effect)
@@ -940,7 +945,7 @@ class Search:
 
     def with_play(self, path: Path) -> Path:
         """The path, or the one that begins with a play, where something is left that this explains, or where it is
-        taken for slow noise.
+        taken for slow noise or for a spring that stiffens.
 
         Few of its starting values come close to the motion, and what other laws imitate of it is found first. It is
         begun beside all but a spring, which may stand for it, also with dry friction for bristles, beside the friction
@@ -955,7 +960,7 @@ class Search:
             return path
         is_left = path.excess > allowance(self.nominal, path.base)
         times = SPRUNG if is_left or has_spring(path) else FORESEEN
-        if not (self.incomplete(path) or is_foreseen(self.problem, path.base, times)):
+        if not (self.incomplete(path) or stiffens(path) or is_foreseen(self.problem, path.base, times)):
             return path
         self.tell("a play, begun from everywhere")
         for kept, is_dry in turns:

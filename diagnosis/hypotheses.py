@@ -19,7 +19,7 @@ from diagnosis.arm_damping import may_rub_behind, rubbing_behind
 from diagnosis.behind import borne
 from diagnosis.estimation import Fitted, Point, errors, predicted_motion, scatters
 from diagnosis.glance import Glance, can_be_glanced_at
-from diagnosis.problem import Free, Problem, free_damping, scales, smooth_derivatives
+from diagnosis.problem import NEVER, Free, Problem, free_damping, scales, smooth_derivatives
 from diagnosis.regression import View
 from envs.log import Array
 from methods.effects.base import Effect, Scales
@@ -45,8 +45,6 @@ CLOSE = 0.07
 """Relative distance of these lengths."""
 LENGTHS = 40
 """How many of them count as searched."""
-NEVER = 2.0
-"""Instant, over the length of the longest log, of an event that a log does not have."""
 RINGING = 1.5
 """Time [s] for which a joint answers to a short pulse, at most."""
 STRUCK = 6

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.estimation import Fitted, Point, errors, fit
-from diagnosis.hypotheses import NEVER, Hypothesis, adjoint, seen_events, sizes_of
-from diagnosis.problem import Problem
+from diagnosis.hypotheses import Hypothesis, adjoint, seen_events, sizes_of
+from diagnosis.problem import NEVER, Problem
 from diagnosis.whitening import Whitener, on_logs
 from envs.log import Array
 from methods.effects.base import Effect

@@ -36,6 +36,8 @@ INDEPENDENT = (
 )
 MECHANICAL = 0.5
 """Share of the damping by which its mechanical part may differ from the stated one (one standard deviation)."""
+NEVER = 2.0
+"""Instant, over the length of the longest log, of an event that a log does not have."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter, resample, savgol_filter
 
 from diagnosis.estimation import Fitted, Point
-from diagnosis.problem import Problem, bounded, smooth_derivatives
+from diagnosis.problem import NEVER, Problem, bounded, smooth_derivatives
 from diagnosis.whitening import Whitener
 from envs.log import Array
 from methods.kernel import DAMPING, NOMINAL, STATES
@@ -60,18 +60,19 @@ def window_width(seconds: float, sample_time: float) -> int:
 def transfer(problem: Problem, point: Point) -> Point:
     """A point fitted on other logs, made ready for these: what holds for all logs stays, initial states are new.
 
-    Effects that occur in one of the fitted logs only (their amplitudes are zero in the others) are left out; what is
-    free in every log is that of the first.
+    An event of one of the fitted logs only (its amplitudes are zero in the others) is not due in these until an instant
+    is found for it; what else is free in every log is that of the first.
     """
-    parameters = np.repeat(point.parameters[:1], problem.logs, axis=0)
-    switches = point.switches.copy()
-    for effect in problem.kernel.effects:
-        offset, column = problem.kernel.offsets[effect.name], problem.kernel.switches[effect.name]
-        for j in np.flatnonzero(switches[:, column]):
-            amplitudes = point.parameters[:, j, [offset + a for a in effect.amplitudes]]
-            if effect.scan == "event" and len(amplitudes) > 1 and np.any(np.all(amplitudes == 0.0, axis=1)):
-                switches[j, column] = False
-    return replace(point, parameters=parameters, switches=switches, starts=problem.starts.copy(), free=())
+    parameters, kernel = np.repeat(point.parameters[:1], problem.logs, axis=0), problem.kernel
+    for effect in kernel.effects:
+        for j in np.flatnonzero(point.switches[:, kernel.switches[effect.name]]) if effect.scan == "event" else ():
+            happens = np.any(
+                point.parameters[:, j, [kernel.offsets[effect.name] + a for a in effect.amplitudes]], axis=1
+            )
+            if not np.all(happens):
+                parameters[:, j, kernel.own(effect)] = point.parameters[np.argmax(happens), j, kernel.own(effect)]
+                parameters[:, j, kernel.column(effect, "time")] = NEVER * problem.longest
+    return replace(point, parameters=parameters, starts=problem.starts.copy(), free=())
 
 
 def replay(

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from diagnosis.engine import find
+from diagnosis.estimation import fit
 from diagnosis.hypotheses import Hypothesis, extend, scan, sizes_of
-from diagnosis.instants import with_instants
+from diagnosis.instants import retimed, with_instants
 from diagnosis.nominal import JointStructure, fit_nominal
 from diagnosis.problem import stack
 from diagnosis.replay import transfer
@@ -75,6 +76,23 @@ def test_a_weighed_load_on_a_slide_is_looked_for_in_other_logs() -> None:
     point = extend(problem, nominal.point, Hypothesis(weighed, 0), np.array([[LOAD, 0.5 * PICKED_UP, 0.0, 0.0]]))
     there = with_instants(held_out, transfer(held_out, point), nominal.whitener)
     assert there.parameters[0, 0, KERNEL.column(weighed, "time")] == pytest.approx(PICKED_UP, abs=0.05)
+
+
+def test_a_load_that_one_fitted_log_picks_up_is_looked_for_in_other_logs() -> None:
+    """It may be picked up there as well, at another instant, or not."""
+    fitted = stack(KERNEL, [lifting(1, 0.0, load=0.0), lifting(2, 0.0)], (1,))
+    held_out = stack(KERNEL, [lifting(3, 0.0), lifting(4, 0.0, load=0.0)], (1,))
+    nominal = fit_nominal(fitted, (JointStructure(input="torque", gravity="pendulum"),))
+    change = NAMED["payload_change"]
+    point = extend(fitted, nominal.point, Hypothesis(change, 0, 1), np.tile([LOAD, PICKED_UP + 0.1], (2, 1)))
+    found = retimed(fitted, fit(fitted, point), Hypothesis(change, 0, 1))
+    there = transfer(held_out, found.point)
+    column = KERNEL.column(change, "time")
+    assert np.all(there.parameters[:, 0, column] > held_out.longest)
+    asked = with_instants(held_out, there, found.whitener).parameters[:, 0]
+    assert asked[0, column] == pytest.approx(PICKED_UP, abs=0.05)
+    assert asked[1, column] > held_out.longest
+    assert asked[:, KERNEL.own(change)][:, 0] == pytest.approx(LOAD, rel=0.05)
 
 
 def test_the_blow_of_a_load_that_rested_tells_its_instant() -> None:

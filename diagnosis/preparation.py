@@ -102,8 +102,10 @@ def arrange(logs: Sequence[Log], holdout: Sequence[Log], robot: str | None, said
     check_apart(*complete)
     findings += [finding.text for finding in check_together([*complete[0], *complete[1]])]
     if not complete[1] and any(len(log) < SHORTEST for log in complete[0]):
+        short = min(complete[0], key=len)
         raise DiagnosisError(
-            f"no held-out log, and logs of less than {SHORTEST} samples cannot be divided. Give one with --holdout"
+            f"{short.source or short.name}: no held-out log was given, and a log of {len(short)} samples cannot be "
+            f"divided: {SHORTEST} are needed. Record for longer, or give another log with --holdout"
         )
     fitted, held_out = ([part for log in own for part in between_gaps(log, findings)] for own in complete)
     if held_out:

@@ -46,15 +46,20 @@ def in_words(signal: str) -> str:
 
 
 def describe(effect: NamedEffect, command_unit: str = "V") -> str:
-    """An effect with the parameters that say how strong it is: ``Coulomb friction of 6.9 ± 0.1 N m``."""
+    """An effect with the parameters that say how strong it is: ``Coulomb friction of 6.9 ± 0.1 N m``; of an event in
+    one log also when; only its name where the logs do not tell how strong it is."""
     named = {p.name: rounded(p.physical) for p in effect.parameters}
     first = effect.parameters[0]
     if effect.name in BY_THEMSELVES:
         first = max(effect.parameters, key=lambda p: abs(p.physical.value) / max(p.physical.std, 1e-300))
+    if abs(first.physical.value) < first.physical.std:
+        return title(effect.name)
     plainly = f"of {named[first.name]}"
     own = HEADLINE if command_unit == "V" else HEADLINE | WITHOUT_VOLTAGE
     said = own.get(effect.name, plainly).format(**named).replace("+ −", "− ")
-    return f"{title(effect.name)} {said}"
+    instant = next((p.physical for p in effect.parameters if p.name == "time"), None)
+    when = f" at {quantity(instant.value, instant.unit)} in {effect.only_in}" if effect.only_in and instant else ""
+    return f"{title(effect.name)} {said}{when}"
 
 
 def rounded(estimate: Estimate) -> str:

@@ -128,6 +128,24 @@ def spikes(values: Array, threshold: float = 12.0) -> Rows:
     return np.flatnonzero(found) + 1
 
 
+def stale(values: Array, steps: float = 4.0, longest: int = 5) -> Rows:
+    """Indices of samples that repeat the one before them while the signal moves on: the next one makes up for it.
+
+    A run of r samples, `longest` at most, counts where the change before it is at least `steps` steps of the quantised
+    signal, and the change after it has the same sign and is at least 1 + r/2 times as large; a steady motion makes it
+    1 + r times.
+    """
+    change = np.diff(values)
+    same = np.concatenate([[False], change == 0.0, [False]])  # of sample i, and none beyond either end
+    first, last = np.flatnonzero(~same[:-1] & same[1:]) + 1, np.flatnonzero(same[:-1] & ~same[1:])
+    inner = (first >= 2) & (last < len(values) - 1) & (last - first < longest)
+    first, last = first[inner], last[inner]
+    before, after, run = change[first - 2], change[last], last - first + 1
+    least = steps * (quantisation_step(values) or 0.0)
+    found = (np.abs(before) > least) & (before * after > 0.0) & (np.abs(after) >= (1.0 + 0.5 * run) * np.abs(before))
+    return np.array([row for a, b in zip(first[found], last[found], strict=True) for row in range(a, b + 1)], np.intp)
+
+
 def jumps(values: Array, ratio: float = 10.0) -> Rows:
     """Indices before a lasting jump: a change between two samples of more than `ratio` times the 99.9 % quantile.
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from envs.log import Array, Log, LogError
-from envs.log_statistics import MAD_TO_STD, Rows, lost_spells, spikes, timing
+from envs.log_statistics import MAD_TO_STD, Rows, lost_spells, spikes, stale, timing
 from envs.text_form import counted
-from envs.validation import Finding, columns_of
+from envs.validation import STALE, Finding, columns_of
 
 #: Share of the repeated stamps that whole rows have to repeat for those to be copies. Where stamps are merely rounded,
 #: different samples share one.
@@ -28,10 +28,19 @@ def repair(log: Log) -> tuple[Log, tuple[Finding, ...]]:
     3. noisy stamps of a regular clock are replaced by it, otherwise rows are sorted and repeated stamps left out;
     4. angles that jump by full turns are unwrapped;
     5. single-sample spikes of the position are replaced by the mean of their neighbours;
-    6. an irregular recording is interpolated to a regular clock (see `resample`), but for long gaps.
+    6. positions that repeat the one before while the joint moves on are interpolated;
+    7. an irregular recording is interpolated to a regular clock (see `resample`), but for long gaps.
     """
     done: list[Finding] = []
-    steps = (without_broken_rows, without_copies, with_ordered_time, unwrapped, without_spikes, with_regular_clock)
+    steps = (
+        without_broken_rows,
+        without_copies,
+        with_ordered_time,
+        unwrapped,
+        without_spikes,
+        without_stale_readings,
+        with_regular_clock,
+    )
     for step in steps:
         log, found = step(log)
         done += found
@@ -120,6 +129,21 @@ def without_spikes(log: Log) -> tuple[Log, list[Finding]]:
                     "repaired_spikes", f"{counted(len(rows), 'spike')} of q{joint} replaced by the neighbours' mean"
                 )
             )
+    return (replace(log, position=position) if done else log), done
+
+
+def without_stale_readings(log: Log) -> tuple[Log, list[Finding]]:
+    """Positions that the logger repeated instead of reading them anew, interpolated linearly between those that it
+    read."""
+    position = log.position.copy()
+    done = []
+    for column, joint in enumerate(log.joints):
+        rows = stale(position[:, column])
+        if len(rows) > STALE * len(log):
+            fresh = np.setdiff1d(np.arange(len(log)), rows)
+            position[rows, column] = np.interp(log.time[rows], log.time[fresh], position[fresh, column])
+            said = f"{counted(len(rows), 'repeated reading')} of q{joint} interpolated"
+            done.append(Finding("repaired_stale", said))
     return (replace(log, position=position) if done else log), done
 
 

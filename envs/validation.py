@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from envs.log import COMMAND_UNIT, PREFIX_OF, Array, Log, LogError
-from envs.log_statistics import MAD_TO_STD, jumps, lost_spells, quantisation_step, spikes, timing
+from envs.log_statistics import MAD_TO_STD, jumps, lost_spells, quantisation_step, spikes, stale, timing
 from envs.text_form import counted, lasting
 
 #: Fewer samples than this cannot carry an experiment.
@@ -18,6 +18,9 @@ MINIMUM_SAMPLES = 16
 SLOWEST_INTERVAL = 0.5
 #: Range [rad] of a motion back and forth that few joints make (two turns): it may be in degrees or counts.
 WIDEST_SWING = 4.0 * math.pi
+#: Share of readings that repeat the one before them while the joint moves on, from which the logger is said to miss
+#: some; noise makes fewer.
+STALE = 1e-3
 #: Kind of the finding that an angle may be in another unit.
 DOUBTFUL_UNIT = "doubtful_unit"
 #: Counts per turn up to which a step read off a file tells whether they are whole, and those of finer encoders.
@@ -303,6 +306,7 @@ def position_findings(log: Log, names: Names) -> Iterator[Finding]:
                 joint,
             )
         yield from spike_findings(position, name)
+        yield from stale_findings(position, name)
         moved = np.setdiff1d(jumps(position), lost_spells(log.time))  # over a gap a joint may go anywhere
         if len(moved):
             row = int(moved[0])
@@ -321,6 +325,17 @@ def spike_findings(values: Array, name: str) -> Iterator[Finding]:
             "spikes",
             f"{name} has {counted(len(rows), 'single-sample spike')}, the first in row "
             f"{int(rows[0]) + 1}; --repair replaces them",
+        )
+
+
+def stale_findings(values: Array, name: str) -> Iterator[Finding]:
+    """Readings that repeat the one before them while the joint moves on."""
+    rows = stale(values)
+    if len(rows) > STALE * len(values):
+        yield Finding(
+            "stale_readings",
+            f"{name} repeats the reading before it in {counted(len(rows), 'row')} while it moves on, first in row "
+            f"{int(rows[0]) + 1}: the logger missed new readings; --repair interpolates them",
         )
 
 

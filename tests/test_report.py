@@ -404,6 +404,19 @@ def test_the_sentence_of_an_unknown_cause_says_whether_other_logs_gain() -> None
     assert "; Coulomb friction of 6.91 ± 0.12 N m explains part of the gap (adding it" in little
 
 
+def test_an_effect_of_unknown_strength_is_only_named_and_an_event_of_one_log_dated() -> None:
+    def effect(name: str, strength: tuple[float, float], **others: object) -> NamedEffect:
+        own = {"torque": Estimate(*strength, "N m"), "time": Estimate(6.3699, 1e-4, "s")}
+        parameters = tuple(ParameterEstimate(key, found, found) for key, found in own.items())
+        return replace(friction(1), name=name, parameters=parameters, **others)
+
+    assert describe(effect("cogging_torque", (1e3, 2.6e4))) == "cogging torque"
+    assert plain(describe(effect("cogging_torque", (3.2, 0.1)))) == "cogging torque of 3.20 ± 0.10 N m"
+    dated = effect("collision", (1.667, 0.01), only_in="fit2")
+    assert plain(describe(dated)) == "collision of 1.667 ± 0.010 N m at 6.37 s in fit2"
+    assert plain(describe(replace(dated, only_in=None))) == "collision of 1.667 ± 0.010 N m"
+
+
 def test_the_sentence_names_the_parameters_that_drift_where_only_time_tells() -> None:
     time_alone = (SignalDependence("elapsed time", 900.0, 8, 0.0),)
     drifts = tuple(

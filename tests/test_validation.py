@@ -15,7 +15,7 @@ from envs.column_proposal import propose
 from envs.inspection import inspect, inspect_file
 from envs.log import JointFacts, Log, LogError
 from envs.log_files import load, load_with_findings, read_table, save
-from envs.log_statistics import jumps, quantisation_step, saturation, spikes, timing
+from envs.log_statistics import jumps, quantisation_step, saturation, spikes, stale, timing
 from envs.repair import repair, resample
 from envs.validation import DOUBTFUL_UNIT, check
 
@@ -307,6 +307,21 @@ class TestFindings:
         assert finding.kind == "spikes"
         assert "2 single-sample spikes, the first in row 51" in finding.text
 
+    def test_repeated_readings(self) -> None:
+        columns = swing()
+        held = [60, 61, 130, 290]
+        truth = columns["q1"].copy()
+        for row in held:
+            columns["q1"][row] = columns["q1"][row - 1]
+        log = log_of(columns)
+        (finding,) = check(log)
+        assert finding.kind == "stale_readings"
+        assert "q1 repeats the reading before it in 4 rows while it moves on, first in row 61" in finding.text
+        mended, (done,) = repair(log)
+        assert done.kind == "repaired_stale"
+        assert check(mended) == ()
+        assert np.max(np.abs(mended.position[:, 0] - truth)) < 0.1 * np.max(np.abs(columns["q1"] - truth))
+
     def test_jump(self) -> None:
         columns = swing()
         columns["q1"][150:] += 0.5
@@ -445,6 +460,13 @@ class TestStatistics:
         bouncing = np.abs(np.sin(9.0 * t))
         assert len(spikes(bouncing)) == 0
         assert len(jumps(bouncing)) == 0
+
+    @pytest.mark.parametrize("step", [1e-3, 5e-3, 2e-2])
+    def test_steps_of_a_coarse_encoder_and_a_joint_that_sticks_are_no_repeated_readings(self, step: float) -> None:
+        t = 1e-3 * np.arange(4000)
+        moving = step * np.round((np.sin(3.0 * t) + 0.2 * np.sin(31.0 * t)) / step)
+        sticking = np.cumsum(np.where(np.sin(9.0 * t) > 0.3, step * np.round(8.0 * np.sin(9.0 * t)), 0.0))
+        assert len(stale(moving)) == len(stale(sticking)) == 0
 
     def test_saturation(self) -> None:
         command = np.clip(3.0 * np.sin(np.linspace(0, 40, 2000)), -2.0, 2.0)

@@ -33,7 +33,7 @@ SMALL = 0.01
 ROUNDS = 5
 """How often states at the beginning of a log are regressed at most."""
 SETTLED = 1e-3
-"""Relative decrease of the squares of what is seen of them, below which that ends."""
+"""Relative decrease of the squares of what is seen of them that any but the first time has to bring."""
 WORTHWHILE = 2.0
 """Least decrease of -2 log likelihood per state."""
 
@@ -124,13 +124,14 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
     them by much. Here the whitened prediction errors of a log (`seen`) are regressed on the responses to other states,
     each known beforehand: velocities as `start_deviation` says, the others by their typical size. Again from there, as
     long as that still does better: a winding that is as warm as it becomes makes another motion than to first order.
+    A joint may also have begun at rest (`rested`).
     """
     whiten, states = on_logs(problem, filter_), pushes(problem, point)
     size = SMALL * np.array([item.size for item in states])
     place = [item.joint for item in states], [item.column for item in states]
     least, best = np.array([item.least for item in states]), point
     errors_ = errors(problem, [best, *pushed(best, states)])
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
         starts = best.starts.copy()
         for log, (a, b) in enumerate(pairwise(problem.bounds)):
             plain, *others = seen(problem, whiten, errors_, log)
@@ -148,12 +149,21 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
         again = errors(problem, [moved, *pushed(moved, states)])
         both = np.stack([errors_[0], again[0]])
         before, after = sum(np.sum(seen(problem, whiten, both, log) ** 2, axis=1) for log in range(problem.logs))
-        if not after < before:
+        if not after < before * (1.0 - SETTLED if turn else 1.0):
             break
         best, errors_ = moved, again
-        if after > before * (1.0 - SETTLED):
-            break
-    return best
+    return rested(problem, best, errors_[0], whiten)
+
+
+def rested(problem: Problem, point: Point, error: Array, whiten: Whitener) -> Point:
+    """The point at rest at the beginning of the logs that this makes likelier: dry friction holds a joint that does not
+    move, and a slow one soon, so that nothing leads from the one to the other. error: (T, n) of the point."""
+    still = point.starts.copy()
+    still[:, :, VELOCITY] = 0.0
+    both = np.stack([error, errors(problem, [replace(point, starts=still)])[0]])
+    sums = np.array([np.sum(seen(problem, whiten, both, log) ** 2, axis=1) for log in range(problem.logs)])
+    holds = sums[:, 1] < sums[:, 0]
+    return replace(point, starts=np.where(holds[:, None, None], still, point.starts))
 
 
 def seen(problem: Problem, whiten: Whitener, errors_: Array, log: int) -> Array:

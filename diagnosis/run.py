@@ -529,7 +529,7 @@ def compared(
     rows_ = []
     if solved.compensators[j] is None:
         reason = solved.no_compensator or "what is left of this joint follows no signal of the logs"
-        rows_.append(LedgerRow(joint, "+ compensator", "compensator", None, None, None, note=reason))
+        rows_.append(LedgerRow(joint, "+ compensator", "compensator", None, None, None, note=f"left out: {reason}"))
     gravity = solved.structures[j].gravity
     scale = (own_gap.before, own_gap.noise_floor)
     fitted, held_out = (

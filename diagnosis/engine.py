@@ -116,6 +116,8 @@ WHOLE = 0.1
 """Share of all that is left that a general form has to promise to be tried as what explains all of it."""
 END = 1.5
 """Budgets of simulations after which a search seeks no further effects."""
+LATEST = 2.5
+"""The same after which it begins no play in the place of a spring that stiffens."""
 FORESEEN = 50.0
 """Rms of the nominal errors over that of their innovations from which the band of the motion is searched first."""
 SPRUNG = 5.0
@@ -161,7 +163,8 @@ def _find(
     settled = None if longer is None or longer.verdict == "unknown" else longer
     if settled is not None and not is_foreseen(problem, settled.final):
         return quiet(problem, settled, effects, settings, held_out)
-    if longer is not None and search.is_over:
+    in_vain = longer is not None and any(longer.patched.get(j) is Patchwork.POSITION for j in crowds(longer.accepted))
+    if longer is not None and (search.is_over or in_vain):
         whole = longer
     else:
         whole = search.concluded(search.completed(search.grown(search.start)), held_out)
@@ -388,6 +391,12 @@ def stiffens(path: Path) -> bool:
 def bends(item: Accepted) -> bool:
     """Whether it is dry friction of bristles, which cannot be behind a play."""
     return item.effect.is_dry and not acts_on_either_side(item.effect)
+
+
+def crowds(accepted: Sequence[Accepted]) -> set[int]:
+    """The joints (by index) with `MANY` torques of the position."""
+    places = [item.joint for item in accepted if of_position(item.effect)]
+    return {j for j in places if places.count(j) >= MANY}
 
 
 def of_one_law(one: Accepted, other: Accepted) -> bool:
@@ -655,15 +664,19 @@ class Search:
         contains = lambda effect, j: any((name, j) in there for name in effect.includes)  # noqa: E731
         joints = range(self.problem.joints)
         rough = {j for j in joints if path.left and path.excess == 0.0 and scatters(self.problem, path.base.point, j)}
-        places = [item.joint for item in path.accepted if of_position(item.effect)]
-        many = [j for j in joints if places.count(j) >= MANY]
-        crowded = {j for j in many if self.pieces(path).get(j) is Patchwork.POSITION}
+        crowded = self.crowded(path)
         return [
             (effect, j)
             for effect, j in others
             if contains(effect, j)
             or not (is_full or (j in rough and effect.scan is not None) or (j in crowded and of_position(effect)))
         ]
+
+    def crowded(self, path: Path) -> set[int]:
+        """The joints (by index) where `MANY` torques of the position are there, but as pieces of another one."""
+        many = crowds(path.accepted)
+        pieces = self.pieces(path) if many else {}
+        return {j for j in many if pieces.get(j) is Patchwork.POSITION}
 
     def advanced(self, path: Path, chosen: Accepted) -> Path:
         """The path with one more effect, in its simplest form, and without those that it makes superfluous."""
@@ -709,7 +722,8 @@ class Search:
         from there.
 
         What stands beside an effect now may have been missing when it was taken, and a near equal have come second only
-        for that. Where something is left, any law may have been what the effect stands in for.
+        for that. Where something is left, any law may have been what the effect stands in for, but where many torques
+        of the position are pieces of one that no law is.
 
         most: budgets after which laws are no longer exchanged where what is left may be noise, `REFINED` from here on
         unless given.
@@ -717,7 +731,7 @@ class Search:
         most = self.taken + REFINED if most is None else most
         cheap: list[Way] = [self.with_second, self.in_other_terms, self.recast, self.with_nothing, self.with_plainer]
         dear: list[Way] = [partial(self.with_another_law, any_law=any_law) for any_law in (False, True)]
-        for way in cheap + dear:
+        for way in cheap if self.crowded(path) else cheap + dear:
             for item in path.accepted:
                 if self.is_over if way in cheap else not self.asks(path) or self.taken > self.enough(path, most):
                     return path
@@ -956,15 +970,18 @@ class Search:
         beside = dict.fromkeys((rigid, rubbing, ()))
         turns = [(kept, False) for kept in beside if not has_play(path)]
         turns += [(kept, True) for kept in beside if any(map(bends, kept))]
-        if not turns or self.is_over:
+        most = LATEST if stiffens(path) else END
+        if not turns or self.taken > most:
             return path
         is_left = path.excess > allowance(self.nominal, path.base)
         times = SPRUNG if is_left or has_spring(path) else FORESEEN
-        if not (self.incomplete(path) or stiffens(path) or is_foreseen(self.problem, path.base, times)):
+        if self.crowded(path) or not (
+            self.incomplete(path) or stiffens(path) or is_foreseen(self.problem, path.base, times)
+        ):
             return path
         self.tell("a play, begun from everywhere")
         for kept, is_dry in turns:
-            if self.is_over or (best is not path and not self.incomplete(best)):
+            if self.taken > most or (best is not path and not self.incomplete(best)):
                 break
             begun = self.reduced(path, kept) if kept else self.start
             begun = self.without_bristles(begun) if is_dry else begun

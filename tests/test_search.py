@@ -630,6 +630,56 @@ def test_where_a_spring_was_found_a_play_is_sought_sooner(monkeypatch: pytest.Mo
         assert bool(begun) == is_begun
 
 
+def test_a_play_is_sought_where_a_spring_is_soft_about_its_rest_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A play that an encoder of the arm showed in two and a half steps was such a spring: nothing was left, 2300 in -2
+    log likelihood were lost, and the share of inertia was 9 deviations off."""
+    problem = problem_of({})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    search = Search(problem, (JointStructure(),), [NAMED["backlash"]], Settings(), nominal, lambda text: None)
+    begun: list[Fitted] = []
+    monkeypatch.setattr("diagnosis.engine.plays", lambda problem, base, *given: begun.append(base) or [])
+    monkeypatch.setattr(Search, "incomplete", lambda self, path: False)
+    stiff = [0.4, 8.0, 0.1, 100.0]
+    for name, values, taken, is_begun in (
+        ("joint_flexibility", stiff[:3], 0.5, False),
+        ("joint_flexibility_stiffening", stiff, 0.5, True),
+        ("joint_flexibility_stiffening", stiff, 2.0, True),
+        ("joint_flexibility_stiffening", stiff, 3.0, False),
+    ):
+        item = accepted(problem, nominal, name, values[: NAMED[name].size])
+        monkeypatch.setattr(Search, "taken", property(lambda self, taken=taken: taken))
+        begun.clear()
+        search.with_play(Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,)))
+        assert bool(begun) == is_begun
+
+
+@pytest.mark.parametrize("pieces", [{}, {0: Patchwork.POSITION}])
+def test_beside_three_pieces_of_one_torque_of_the_position_no_fourth_is_sought(
+    pieces: dict[int, Patchwork], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = problem_of({"cable_spring": {"stiffness": 0.2, "pull": 0.05}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    known = ("gravity_tilt", "cable_spring", "coulomb_friction", "cogging_torque", "cogging_torque_2")
+    effects = [NAMED[name] for name in known]
+    search = Search(problem, (JointStructure(),), effects, Settings(), nominal, lambda text: None)
+    monkeypatch.setattr(Search, "pieces", lambda self, path: pieces)
+    monkeypatch.setattr(Search, "incomplete", lambda self, path: True)
+    items = [accepted(problem, nominal, "cable_spring", [0.2, 0.05])]
+    items.append(accepted(problem, items[0].scored.fitted, "cogging_torque", [0.01, 0.01, 5.0]))
+    items.append(accepted(problem, items[1].scored.fitted, "gravity_tilt", [0.01, 0.01]))
+    left = (Remainder((), 1000.0, 10, 0.0, 0.0, 0.0),)
+    path = Path(items[-1].scored.fitted, tuple(items), frozenset((i.name, 0) for i in items), (nominal,), left)
+    names = {effect.name for effect, _ in search.candidates(path, is_full=False)}
+    assert ("cogging_torque_2" in names) == (not pieces)
+    assert "coulomb_friction" in names
+    asked: list[str] = []
+    for way in ("with_second", "in_other_terms", "recast", "with_nothing", "with_plainer", "with_another_law"):
+        monkeypatch.setattr(Search, way, lambda self, path, item, way=way, **others: asked.append(way))
+    search.exchanged(path)
+    assert ("with_another_law" in asked) == (not pieces)
+    assert "recast" in asked
+
+
 def test_a_general_form_that_promises_little_of_what_is_left_is_no_repair(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000))
     nominal = fit_nominal(problem, (JointStructure(),))

@@ -36,7 +36,7 @@ from diagnosis.competition import (
     other_laws,
     simpler_rivals,
 )
-from diagnosis.estimation import Fitted, errors, fit, measured_precisely, scatters
+from diagnosis.estimation import Fitted, errors, fit, measured_precisely, scatters, sticks
 from diagnosis.finding import Accepted, Finding, cost, distinct, near_equals, stood_for
 from diagnosis.following import following_settled
 from diagnosis.hopping import Optimum, hopped, with_laws
@@ -342,7 +342,7 @@ class Path:
     best first. equals: effects with their joints and the laws that explained nearly as much when they were taken.
     unsteady: the evidence for disturbances that were refused because not all logs have them. optima: where fits stopped
     in rough ground when a play was found (`diagnosis.hopping`). is_cut: whether the budget left other ways from here
-    untried, or further effects.
+    untried, or further effects. is_played: whether a play has been begun from everywhere in the place of its spring.
     """
 
     base: Fitted
@@ -357,6 +357,7 @@ class Path:
     equals: frozenset[tuple[str, int, str]] = frozenset()
     optima: tuple[Optimum, ...] = ()
     is_cut: bool = False
+    is_played: bool = False
 
     @property
     def excess(self) -> float:
@@ -499,6 +500,8 @@ class Search:
                     continue
             if ranked and ranked[0].effect.scatters and not has_play(path):
                 ranked = either(ranked, plays(problem, path.base, candidates))
+            elif ranked and self.may_be_a_play(path, ranked[0]):
+                path, ranked = replace(path, is_played=True), self.or_a_play(path, candidates, ranked)
             elif not has_play(path):
                 ranked = self.led_by_pieces(path, ranked)
             ranked = [scored for scored in ranked if not coincides(problem, scored, path.accepted)]
@@ -549,6 +552,20 @@ class Search:
             return None
         beside = each(partial(scored_anew, problem, longer.base), longer.accepted)  # neither is anything by itself
         return replace(longer, accepted=tuple(beside))
+
+    def may_be_a_play(self, path: Path, best: Scored) -> bool:
+        """Whether the best hypothesis is a spring of a joint with dry friction, which holds an arm in its play: of a
+        play that imitates most, and its own starting values seldom come close."""
+        joint = best.start.hypothesis.joint
+        is_spring = best.effect.parts_the_arm and not best.effect.scatters
+        return is_spring and not has_play(path) and sticks(self.problem, path.base.point, joint)
+
+    def or_a_play(self, path: Path, candidates: Sequence[tuple[Effect, int]], ranked: list[Scored]) -> list[Scored]:
+        """The hypotheses, with plays of the joint of the best one, a spring, begun from everywhere."""
+        self.tell("a play in the place of a spring, begun from everywhere")
+        joint = ranked[0].start.hypothesis.joint
+        begun = plays(self.problem, path.base, [(effect, j) for effect, j in candidates if j == joint])
+        return self.led_by_pieces(path, either(ranked, begun))
 
     def led_by_pieces(self, path: Path, ranked: list[Scored]) -> list[Scored]:
         """The hypotheses, with those in whose motion small causes grow fitted by multiple shooting, where they are
@@ -974,7 +991,7 @@ class Search:
         if not turns or self.taken > most:
             return path
         is_left = path.excess > allowance(self.nominal, path.base)
-        times = SPRUNG if is_left or has_spring(path) else FORESEEN
+        times = SPRUNG if is_left or (has_spring(path) and not path.is_played) else FORESEEN
         if self.crowded(path) or not (
             self.incomplete(path) or stiffens(path) or is_foreseen(self.problem, path.base, times)
         ):

@@ -1203,6 +1203,29 @@ def test_a_play_is_begun_from_everywhere_where_it_comes_first_but_not_beside_ano
     assert begun == [nominal]
 
 
+def test_a_play_is_begun_from_everywhere_where_a_joint_that_sticks_seems_to_hang_on_a_spring(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A play read on the arm's side, with friction on the motor's, was a spring that stiffened beside friction by the
+    load until the budget was spent."""
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000))
+    nominal = fit_nominal(problem, (JointStructure(),))
+    effects = [NAMED[name] for name in ("coulomb_friction", "quadratic_drag", "joint_flexibility", "backlash")]
+    search = Search(problem, (JointStructure(),), effects, Settings(), nominal, lambda text: None)
+    spring = scored("joint_flexibility", 100.0)
+    begun: list[list[str]] = []
+    monkeypatch.setattr("diagnosis.engine.try_all", lambda *given, **named: [spring])
+    monkeypatch.setattr("diagnosis.engine.plays", lambda p, base, own: begun.append([e.name for e, _ in own]) or [])
+    monkeypatch.setattr(Search, "led_by_pieces", lambda self, path, ranked: ranked)
+    monkeypatch.setattr("diagnosis.engine.coincides", lambda *given: True)
+    for name, values, is_begun in (("coulomb_friction", [0.2], True), ("quadratic_drag", [0.01], False)):
+        item = accepted(problem, nominal, name, values)
+        path = Path(item.scored.fitted, (item,), frozenset({(name, 0)}), (nominal,))
+        begun.clear()
+        assert search.grown(path).is_played == is_begun
+        assert ["backlash" in own for own in begun] == [True] * is_begun
+
+
 def test_laws_are_exchanged_for_a_while_only_where_little_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where more is left, as long as the budget lasts."""
     problem = problem_of({"coulomb_friction": {"torque": 0.2}}, np.zeros(5000))

@@ -55,7 +55,7 @@ from diagnosis.estimation import (
 )
 from diagnosis.finding import Accepted, Finding, near_equals, stood_for
 from diagnosis.first_fits import nearest, retuned
-from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, scan, sizes_of, withdraw
+from diagnosis.hypotheses import Hypothesis, Start, adjoint, extend, proposals, scan, sizes_of, waves, withdraw
 from diagnosis.imitation import Signals, imitating, resistance, together
 from diagnosis.instants import retimed
 from diagnosis.jitter import Jitter, fitted_scatter, jitter
@@ -628,6 +628,18 @@ def test_where_a_spring_was_found_a_play_is_sought_sooner(monkeypatch: pytest.Mo
         begun.clear()
         search.with_play(Path(base, (item,), frozenset({(name, 0)}), (nominal,), (left,)))
         assert bool(begun) == is_begun
+
+
+def test_waves_over_the_position_are_sought_as_fast_as_the_lags_of_the_filter_tell() -> None:
+    """Cogging that passed at 5 to 8 Hz was not found in a band of 7 Hz, where lags follow one another at 17 Hz."""
+    problem = coarser(problem_of({}), 20)
+    nominal = fit_nominal(problem, (JointStructure(),))
+    motion = predicted_motion(problem, nominal.point)[:, 0]
+    cycles, score = waves(problem, adjoint(problem, nominal, 0), 0, motion[:, 1], np.ones(len(motion)))
+    fastest = float(np.sqrt(np.mean(problem.velocity**2)))
+    hertz = 0.45 / (problem.decimation * problem.sample_time)
+    assert cycles[-1] * fastest / (2.0 * np.pi) == pytest.approx(hertz, rel=0.05)
+    assert len(score) == len(cycles)
 
 
 def test_a_play_is_sought_where_a_spring_is_soft_about_its_rest_only(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -129,30 +129,32 @@ def with_states(problem: Problem, point: Point, filter_: Whitener) -> Point:
     whiten, states = on_logs(problem, filter_), pushes(problem, point)
     size = SMALL * np.array([item.size for item in states])
     place = [item.joint for item in states], [item.column for item in states]
-    least, best = np.array([item.least for item in states]), point
-    errors_ = errors(problem, [best, *pushed(best, states)])
+    least = np.array([item.least for item in states])
+    fastest = (np.max(np.abs(problem.velocity[a:b]), axis=0) for a, b in pairwise(problem.bounds))
+    deviations = [
+        np.array([speed[item.joint] if item.column == VELOCITY else item.size for item in states])
+        for speed in (start_deviation(problem, own) for own in fastest)
+    ]
+    best, error = point, errors(problem, [point])[0]
     for turn in range(ROUNDS):
-        starts = best.starts.copy()
-        for log, (a, b) in enumerate(pairwise(problem.bounds)):
-            plain, *others = seen(problem, whiten, errors_, log)
+        starts, every = best.starts.copy(), np.stack([error, *errors(problem, pushed(best, states))])
+        for log, deviation in enumerate(deviations):
+            plain, *others = seen(problem, whiten, every, log)
             noise = float(np.sqrt(np.mean(plain[: problem.joints * len(whiten.rows)] ** 2)))
-            speed = start_deviation(problem, np.max(np.abs(problem.velocity[a:b]), axis=0))
-            deviation = np.array([speed[item.joint] if item.column == VELOCITY else item.size for item in states])
-            basis = np.vstack(
-                [np.stack([other - plain for other in others], axis=1), np.diag(noise * size / deviation)]
-            )
+            responses = np.stack([other - plain for other in others], axis=1)
+            basis = np.vstack([responses, np.diag(noise * size / deviation)])
             away = starts[log][place] - point.starts[log][place]
             target = np.concatenate([plain, noise * away / deviation])
             change = size * np.linalg.lstsq(basis, target, rcond=None)[0]
             starts[log][place] = np.maximum(starts[log][place] - change, least)
         moved = replace(best, starts=starts)
-        again = errors(problem, [moved, *pushed(moved, states)])
-        both = np.stack([errors_[0], again[0]])
+        again = errors(problem, [moved])[0]
+        both = np.stack([error, again])
         before, after = sum(np.sum(seen(problem, whiten, both, log) ** 2, axis=1) for log in range(problem.logs))
         if not after < before * (1.0 - SETTLED if turn else 1.0):
             break
-        best, errors_ = moved, again
-    return rested(problem, best, errors_[0], whiten)
+        best, error = moved, again
+    return rested(problem, best, error, whiten)
 
 
 def rested(problem: Problem, point: Point, error: Array, whiten: Whitener) -> Point:

@@ -163,8 +163,7 @@ def _find(
     settled = None if longer is None or longer.verdict == "unknown" else longer
     if settled is not None and not is_foreseen(problem, settled.final):
         return quiet(problem, settled, effects, settings, held_out)
-    in_vain = longer is not None and any(longer.patched.get(j) is Patchwork.POSITION for j in crowds(longer.accepted))
-    if longer is not None and (search.is_over or in_vain):
+    if longer is not None and (search.is_over or is_in_vain(longer)):
         whole = longer
     else:
         whole = search.concluded(search.completed(search.grown(search.start)), held_out)
@@ -198,6 +197,11 @@ def _find(
     if whole.accepted and does_better(narrow, held_out, whole, found, settings.threshold):
         return replace(whole, is_cut=is_cut)
     return replace(found, verdict="unknown", remainders=whole.remainders, band=band, is_cut=is_cut)
+
+
+def is_in_vain(finding: Finding) -> bool:
+    """Whether a search has ended in so many pieces of one torque of the position that another one would, too."""
+    return bool(crowded(finding.accepted, lambda: finding.patched))
 
 
 def is_foreseen(problem: Problem, nominal: Fitted, times: float = FORESEEN) -> bool:
@@ -394,10 +398,12 @@ def bends(item: Accepted) -> bool:
     return item.effect.is_dry and not acts_on_either_side(item.effect)
 
 
-def crowds(accepted: Sequence[Accepted]) -> set[int]:
-    """The joints (by index) with `MANY` torques of the position."""
+def crowded(accepted: Sequence[Accepted], pieces: Callable[[], Mapping[int, Patchwork]]) -> set[int]:
+    """The joints (by index) where `MANY` torques of the position are there, but as pieces of another one; pieces: what
+    the effects of joints are pieces of, asked only where so many are."""
     places = [item.joint for item in accepted if of_position(item.effect)]
-    return {j for j in places if places.count(j) >= MANY}
+    many = {j for j in places if places.count(j) >= MANY}
+    return {j for j, law in pieces().items() if j in many and law is Patchwork.POSITION} if many else set()
 
 
 def of_one_law(one: Accepted, other: Accepted) -> bool:
@@ -690,10 +696,8 @@ class Search:
         ]
 
     def crowded(self, path: Path) -> set[int]:
-        """The joints (by index) where `MANY` torques of the position are there, but as pieces of another one."""
-        many = crowds(path.accepted)
-        pieces = self.pieces(path) if many else {}
-        return {j for j in many if pieces.get(j) is Patchwork.POSITION}
+        """The joints (by index) whose torques of the position are many pieces of another one."""
+        return crowded(path.accepted, lambda: self.pieces(path))
 
     def advanced(self, path: Path, chosen: Accepted) -> Path:
         """The path with one more effect, in its simplest form, and without those that it makes superfluous."""
@@ -992,9 +996,8 @@ class Search:
             return path
         is_left = path.excess > allowance(self.nominal, path.base)
         times = SPRUNG if is_left or (has_spring(path) and not path.is_played) else FORESEEN
-        if self.crowded(path) or not (
-            self.incomplete(path) or stiffens(path) or is_foreseen(self.problem, path.base, times)
-        ):
+        is_doubtful = self.incomplete(path) or stiffens(path) or is_foreseen(self.problem, path.base, times)
+        if not is_doubtful or self.crowded(path):
             return path
         self.tell("a play, begun from everywhere")
         for kept, is_dry in turns:

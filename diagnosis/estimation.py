@@ -469,6 +469,14 @@ def _inverse(gram: Array) -> Array:
     return np.asarray(np.linalg.pinv(gram / np.outer(size, size), rcond=SINGULAR) / np.outer(size, size))
 
 
+def significance(values: Array, spread: Array) -> float:
+    """Squared distance ``x' C^-1 x`` of values x (P,) from nothing, in standard deviations; spread: their covariance C
+    (P, P)."""
+    size = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+    scaled = values / size
+    return float(scaled @ np.linalg.pinv(spread / np.outer(size, size), hermitian=True) @ scaled)
+
+
 def measured_precisely(problem: Problem, fitted: Fitted) -> Fitted:
     """The same fit with the covariance that the likelihood has with the best filter for every value of the parameters,
     from sensitivities of second order.

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from diagnosis.beginning import VELOCITY, started
 from diagnosis.command_levels import with_levels_counted
-from diagnosis.estimation import Fitted, errors, finish
+from diagnosis.estimation import Fitted, errors, finish, significance
 from diagnosis.finding import Finding
 from diagnosis.problem import Problem, free_velocity
 from diagnosis.remainder import remainder
@@ -58,6 +58,4 @@ def differs(finding: Finding, there: Fitted) -> bool:
     own = [i for i, f in enumerate(there.point.free) if f.log < 0]
     place = [known.index(there.point.free[i].name) for i in own]
     spread = there.covariance[np.ix_(own, own)] + finding.covariance[np.ix_(place, place)]
-    size = np.sqrt(np.maximum(np.diag(spread), 1e-300))
-    apart = (step[own] / size) @ np.linalg.pinv(spread / np.outer(size, size), hermitian=True) @ (step[own] / size)
-    return bool(chi2.sf(float(apart), len(own)) < CHANCE)
+    return bool(chi2.sf(significance(step[own], spread), len(own)) < CHANCE)

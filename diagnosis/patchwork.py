@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, errors, predicted_motion
+from diagnosis.estimation import Fitted, errors, predicted_motion, significance
 from diagnosis.imitation import Signals, resistance
 from diagnosis.lags import BACK_EMF, INERTIA, VISCOUS, WINDING
 from diagnosis.problem import Problem
@@ -181,10 +181,7 @@ def is_piece(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect]) ->
 def is_high(final: Fitted, amplitudes: Sequence[str]) -> bool:
     """Whether a wave of these amplitudes, by their names, is certainly there beside all else that is uncertain."""
     own = [i for i, f in enumerate(final.point.free) if f.name in amplitudes]
-    spread, height = final.covariance[np.ix_(own, own)], final.point.vector[own]
-    size = np.sqrt(np.maximum(np.diag(spread), 1e-300))
-    squares = (height / size) @ np.linalg.pinv(spread / np.outer(size, size), hermitian=True) @ (height / size)
-    return bool(squares > CERTAIN**2)
+    return significance(final.point.vector[own], final.covariance[np.ix_(own, own)]) > CERTAIN**2
 
 
 def torques(problem: Problem, final: Fitted, j: int, laws: Sequence[Effect], places: Array) -> Array:

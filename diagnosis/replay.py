@@ -64,11 +64,10 @@ def transfer(problem: Problem, point: Point) -> Point:
     is found for it; what else is free in every log is that of the first.
     """
     parameters, kernel = np.repeat(point.parameters[:1], problem.logs, axis=0), problem.kernel
-    for effect in kernel.effects:
-        for j in np.flatnonzero(point.switches[:, kernel.switches[effect.name]]) if effect.scan == "event" else ():
-            happens = np.any(
-                point.parameters[:, j, [kernel.offsets[effect.name] + a for a in effect.amplitudes]], axis=1
-            )
+    for effect in (effect for effect in kernel.effects if effect.scan == "event"):
+        amplitudes = [kernel.offsets[effect.name] + a for a in effect.amplitudes]
+        for j in np.flatnonzero(point.switches[:, kernel.switches[effect.name]]):
+            happens = np.any(point.parameters[:, j, amplitudes], axis=1)
             if not np.all(happens):
                 parameters[:, j, kernel.own(effect)] = point.parameters[np.argmax(happens), j, kernel.own(effect)]
                 parameters[:, j, kernel.column(effect, "time")] = NEVER * problem.longest

@@ -361,9 +361,8 @@ def constants_said(result: JointResult, uncertainty: float) -> str:
     """That what is named in N m or N is as uncertain as the drive's constants, where the description says so;
     uncertainty: relative and multiplicative, of command units per torque."""
     every = [parameter for effect in result.effects for parameter in effect.parameters]
-    if uncertainty == 0.0 or not any(p.physical.unit.startswith(result.torque_unit) for p in every):
-        return ""
-    if result.torque_unit == result.command_unit:
+    is_converted = result.torque_unit != result.command_unit
+    if not (uncertainty and is_converted and any(p.physical.unit.startswith(result.torque_unit) for p in every)):
         return ""
     off = percent(uncertainty, 2) if uncertainty < 1.0 else f"a factor of {1.0 + uncertainty:.2g}"
     return (

@@ -34,8 +34,6 @@ ABOVE = 2.0
 """Error, as a multiple of the noise floor, from which a model is not called good to it."""
 ARM = re.compile(r"arm(_shape_\d+)?")
 """Nominal parameters that correct what the rest of a described arm does to a joint."""
-
-
 IN_WORDS = {"direction": "direction by position (as friction that differs along the travel does)"}
 """Signals whose functions are more than their name says."""
 

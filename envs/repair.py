@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from envs.log import Array, Log, LogError
-from envs.log_statistics import MAD_TO_STD, Rows, lost_spells, spikes, stale, timing
+from envs.log_statistics import MAD_TO_STD, Rows, lost_spells, spikes, timing
 from envs.text_form import counted
-from envs.validation import STALE, Finding, columns_of
+from envs.validation import Finding, columns_of, stale_readings
 
 #: Share of the repeated stamps that whole rows have to repeat for those to be copies. Where stamps are merely rounded,
 #: different samples share one.
@@ -138,8 +138,8 @@ def without_stale_readings(log: Log) -> tuple[Log, list[Finding]]:
     position = log.position.copy()
     done = []
     for column, joint in enumerate(log.joints):
-        rows = stale(position[:, column])
-        if len(rows) > STALE * len(log):
+        rows = stale_readings(position[:, column])
+        if len(rows):
             fresh = np.setdiff1d(np.arange(len(log)), rows)
             position[rows, column] = np.interp(log.time[rows], log.time[fresh], position[fresh, column])
             said = f"{counted(len(rows), 'repeated reading')} of q{joint} interpolated"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from envs.log import COMMAND_UNIT, PREFIX_OF, Array, Log, LogError
-from envs.log_statistics import MAD_TO_STD, jumps, lost_spells, quantisation_step, spikes, stale, timing
+from envs.log_statistics import MAD_TO_STD, Rows, jumps, lost_spells, quantisation_step, spikes, stale, timing
 from envs.text_form import counted, lasting
 
 #: Fewer samples than this cannot carry an experiment.
@@ -328,10 +328,16 @@ def spike_findings(values: Array, name: str) -> Iterator[Finding]:
         )
 
 
-def stale_findings(values: Array, name: str) -> Iterator[Finding]:
-    """Readings that repeat the one before them while the joint moves on."""
+def stale_readings(values: Array) -> Rows:
+    """Rows of readings that repeat the one before them while the joint moves on; none where noise makes as many."""
     rows = stale(values)
-    if len(rows) > STALE * len(values):
+    return rows if len(rows) > STALE * len(values) else rows[:0]
+
+
+def stale_findings(values: Array, name: str) -> Iterator[Finding]:
+    """Readings that the logger repeated."""
+    rows = stale_readings(values)
+    if len(rows):
         yield Finding(
             "stale_readings",
             f"{name} repeats the reading before it in {counted(len(rows), 'row')} while it moves on, first in row "

@@ -131,18 +131,23 @@ def spikes(values: Array, threshold: float = 12.0) -> Rows:
 def stale(values: Array, steps: float = 4.0, longest: int = 5) -> Rows:
     """Indices of samples that repeat the one before them while the signal moves on: the next one makes up for it.
 
-    A run of r samples, `longest` at most, counts where the change before it is at least `steps` steps of the quantised
-    signal, and the change after it has the same sign and is at least 1 + r/2 times as large; a steady motion makes it
-    1 + r times.
+    A run of r samples, `longest` at most, counts where the changes before it and after the next one are alike (one
+    sign, within a factor of two, `steps` steps of the quantised signal or more) and the change that ends it is 1 + r/2
+    to 1 + 3r/2 times their mean: a steady motion makes it 1 + r times. A joint that sticks starts again slowly or
+    speeds on; none counts where most of the runs within a motion end like that.
     """
     change = np.diff(values)
     same = np.concatenate([[False], change == 0.0, [False]])  # of sample i, and none beyond either end
     first, last = np.flatnonzero(~same[:-1] & same[1:]) + 1, np.flatnonzero(same[:-1] & ~same[1:])
-    inner = (first >= 2) & (last < len(values) - 1) & (last - first < longest)
+    inner = (first >= 2) & (last < len(values) - 2) & (last - first < longest)
     first, last = first[inner], last[inner]
-    before, after, run = change[first - 2], change[last], last - first + 1
-    least = steps * (quantisation_step(values) or 0.0)
-    found = (np.abs(before) > least) & (before * after > 0.0) & (np.abs(after) >= (1.0 + 0.5 * run) * np.abs(before))
+    before, after, beyond, run = change[first - 2], change[last], change[last + 1], last - first + 1
+    slower, faster = np.minimum(np.abs(before), np.abs(beyond)), np.maximum(np.abs(before), np.abs(beyond))
+    made_up = after / np.where(before + beyond == 0.0, np.inf, 0.5 * (before + beyond)) - 1.0
+    moving = slower > steps * (quantisation_step(values) or 0.0)
+    found = moving & (before * beyond > 0.0) & (faster <= 2.0 * slower) & (np.abs(made_up / run - 1.0) <= 0.5)
+    if 2 * np.count_nonzero(found) < np.count_nonzero(moving):
+        return np.array([], np.intp)
     return np.array([row for a, b in zip(first[found], last[found], strict=True) for row in range(a, b + 1)], np.intp)
 
 

@@ -468,6 +468,11 @@ class TestStatistics:
         sticking = np.cumsum(np.where(np.sin(9.0 * t) > 0.3, step * np.round(8.0 * np.sin(9.0 * t)), 0.0))
         assert len(stale(moving)) == len(stale(sticking)) == 0
 
+    def test_a_joint_that_creeps_with_stops_repeats_no_readings(self) -> None:
+        rng = np.random.default_rng(4)
+        change = np.where(rng.random(20_000) < 0.2, 0.0, rng.integers(5, 200, 20_000))
+        assert len(stale(1e-5 * np.cumsum(change))) == 0
+
     def test_saturation(self) -> None:
         command = np.clip(3.0 * np.sin(np.linspace(0, 40, 2000)), -2.0, 2.0)
         level, share = saturation(command)

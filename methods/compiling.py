@@ -7,11 +7,12 @@ both may give the same number to functions of different arguments, and who reads
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,6 +21,7 @@ import numba
 from filelock import FileLock
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
+from numba.core.registry import cpu_target
 from numba.core.sigutils import normalize_signature
 
 LANES_SIGNATURE = (
@@ -73,17 +75,44 @@ def _held(lock: FileLock) -> Iterator[None]:
         yield
 
 
-def compile_lanes(function: Any, signature: tuple[Any, ...], wide: bool) -> None:
-    """Compile a function of several lanes: into instructions for these from lines that are written out, which only
-    these functions gain from, and if they are too many to be written out from loops over them, too."""
+def compile_lanes(module: ModuleType, name: str, wide: bool) -> None:
+    """Compile a generated module's function of several lanes: into instructions for these from lines that are written
+    out, which only these functions gain from, and if they are too many to be written out from loops over them, too."""
+    _compile(getattr(module, name), int(wide), 1)
+
+
+def compile_plainly(module: ModuleType, name: str) -> None:
+    """The same without such instructions, all functions that it calls compiled anew."""
+    functions: list[Any] = [own for own in vars(module).values() if isinstance(own, Dispatcher)]
+    for function in functions:
+        function._reset_overloads()
+        function._cache.flush()
+    _compile(getattr(module, name), 0, 0)
+
+
+def _compile(function: Any, loops: int, lines: int) -> None:
     options: Any = numba.config
     with _one_at_a_time:
         before = options.SLP_VECTORIZE, options.LOOP_VECTORIZE
-        options.SLP_VECTORIZE, options.LOOP_VECTORIZE = 1, int(wide)
+        options.SLP_VECTORIZE, options.LOOP_VECTORIZE = lines, loops
         try:
-            function.compile(signature)
+            function.compile(normalize_signature(LANES_SIGNATURE)[0])
         finally:
             options.SLP_VECTORIZE, options.LOOP_VECTORIZE = before
+
+
+def once_per_machine(path: Path, name: str, work: Callable[[], None]) -> None:
+    """Do something to a generated file's machine code unless it has been done on this kind of processor; no other
+    thread and no other process is at the file meanwhile."""
+    processor = repr((numba.__version__, cpu_target.target_context.codegen().magic_tuple()))
+    done = path.with_name(f"{path.stem}.{name}.{hashlib.sha256(processor.encode()).hexdigest()[:8]}")
+    if done.exists():
+        return
+    with _one_at_a_time, _held(lock_of(path)):
+        if not done.exists():
+            work()
+            with suppress(OSError):
+                done.touch()
 
 
 def main() -> None:
@@ -91,8 +120,7 @@ def main() -> None:
     from methods.effects import vocabulary
     from methods.kernel import build
 
-    pairs = build(tuple(vocabulary())).of_pairs
-    compile_lanes(pairs.module.batch_pair, normalize_signature(LANES_SIGNATURE)[0], wide=True)
+    build(tuple(vocabulary())).prepare(2)
 
 
 if __name__ == "__main__":

@@ -49,11 +49,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numba
 import numpy as np
 
 from envs.log import Array
-from methods.compiling import compile_lanes, generated
+from methods.compiling import compile_lanes, compile_plainly, generated, once_per_machine
 from methods.effects.base import Effect
 from methods.joint_equation import network_value
 from methods.parallel import each
@@ -280,6 +279,7 @@ class Kernel:
             self.module.run(*arguments)
             return
         *signals, extra, start, parameters, on, pair, rigid, leak, rate_leak, substeps, out, motion = arguments
+        self.prepare(1)
         extra = np.zeros((0, 0, 1)) if not len(extra) else extra[None]
         bounds = np.array([0, len(signals[0])])
         model = (start[None, None], parameters[None, None], on[None], pair, rigid[None])
@@ -288,15 +288,53 @@ class Kernel:
         )
 
     def _in_lanes(self, *arguments: Any) -> None:
-        """The generated `batch_one` or `batch_pair`, compiled for these arguments where it is not."""
+        """The generated `batch_one` or `batch_pair`."""
         function = self.module.batch_one if arguments[1].shape[1] == 1 else self.module.batch_pair
-        signature = tuple(map(numba.typeof, arguments))
-        if signature not in function.overloads:
-            compile_lanes(function, signature, wide=self.lanes > LANES)
         function(*arguments)
 
+    def prepare(self, joints: int) -> None:
+        """Have what simulates several candidates of a single joint or of a planar pair at once compiled and, once per
+        machine, compared with what simulates one at a time (`methods.lane_check`)."""
+        if joints in self._prepared:
+            return
+        own, name = (self, "batch_one") if joints == 1 else (self.of_pairs, "batch_pair")
+
+        def compile_and_check() -> None:
+            from methods.lane_check import Check
+
+            check = Check.of(self, joints)
+            own.begin_a_lane()
+            compile_lanes(own.module, name, wide=own.lanes > LANES)
+            if not check.holds(self):
+                compile_plainly(own.module, name)
+
+        once_per_machine(own.path, name, compile_and_check)
+        compile_lanes(own.module, name, wide=own.lanes > LANES)
+        self._prepared.add(joints)
+
+    def begin_a_lane(self) -> None:
+        """Has what lanes begin with compiled by itself, before the rest is compiled into instructions for several:
+        else LLVM leaves out the velocities."""
+        module, switches = self.module, np.zeros((1, len(self.effects)), dtype=bool)
+        signals = np.zeros((1, len(BEGINNING))), np.zeros((1, 2))[:, 0], np.zeros(1, dtype=np.int64)
+        scratch = np.zeros(module.ROWS * self.lanes), np.zeros((1, module.STEP + 1))
+        found = np.zeros((1, 5), dtype=bool), np.zeros(1, dtype=bool)
+        module._begin_lanes(*signals, np.ones((1, self.columns)), switches, 1.0, *scratch, *found)
+
+    @cached_property
+    def _prepared(self) -> set[int]:
+        """Numbers of joints that `prepare` has seen to."""
+        return set()
+
     def batch(self, *arguments: Any) -> None:
-        """The generated function of the same name, its C L runs spread over all cores.
+        """The generated function of the same name, its C L runs spread over all cores, compiled and checked before."""
+        joints = arguments[1].shape[1]
+        if joints == 1 or (joints == 2 and arguments[11] and not len(arguments[5])):
+            self.prepare(joints)
+        self.spread(*arguments)
+
+    def spread(self, *arguments: Any) -> None:
+        """`batch` by what is compiled.
 
         Those of a single joint or of a planar pair share lanes over all logs that have the same instants; how many
         cores there are makes no difference to that.

@@ -6,7 +6,9 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +22,8 @@ from envs.log import JointFacts, Log
 from methods.base import State
 from methods.compiling import LANES_SIGNATURE, generated, lock_of
 from methods.effects import vocabulary
-from methods.kernel import build
+from methods.kernel import BEGINNING, Kernel, build
+from methods.lane_check import Check
 from methods.structured import PlanarCoupling, StructuredJoint, StructuredModel
 
 FILE = """
@@ -111,3 +114,34 @@ def test_the_vocabularys_simulator_is_compiled_once_for_all_who_use_it() -> None
     assert known[1:] == known[:-1]
     lanes = normalize_signature(LANES_SIGNATURE)[0]
     assert kernel.module.batch_one.signatures == kernel.of_pairs.module.batch_pair.signatures == [lanes]
+
+
+def test_what_is_compiled_anew_is_compared_with_one_candidate_at_a_time() -> None:
+    kernel = build(tuple(vocabulary()))
+    for joints in (1, 2):
+        kernel.prepare(joints)
+        check = Check.of(kernel, joints)
+        assert check.holds(kernel)
+        assert np.ptp(check.alone, axis=1).min() > 0.0
+        resting = list(check.arguments)
+        place = next(i for i, own in enumerate(resting) if np.shape(own)[-1:] == (len(BEGINNING),))
+        resting[place] = resting[place] * (np.arange(len(BEGINNING)) != 1)  # all velocities left out
+        assert not replace(check, arguments=tuple(resting)).holds(kernel)
+
+
+@pytest.mark.parametrize("holds", [True, False])
+def test_lanes_that_err_are_compiled_without_vectors_once(
+    holds: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+    monkeypatch.setenv("ADEPTONE_CACHE", str(tmp_path))
+    monkeypatch.setattr("methods.kernel.compile_lanes", lambda module, name, wide: done.append(name))
+    monkeypatch.setattr("methods.kernel.compile_plainly", lambda module, name: done.append(f"{name} plainly"))
+    monkeypatch.setattr(Kernel, "begin_a_lane", lambda self: done.append("beginning"))
+    monkeypatch.setattr(Check, "of", lambda kernel, joints: SimpleNamespace(holds=lambda kernel: holds))
+    for _ in range(2):  # the second one is another process's
+        kernel = build(tuple(vocabulary())[:1])
+        kernel.prepare(1)
+        kernel.prepare(1)
+    anew = ["beginning", "batch_one"] + ["batch_one plainly"] * (not holds)
+    assert done == [*anew, "batch_one", "batch_one"]

@@ -58,7 +58,7 @@ def candidates(count: int, seed: int, effects: int) -> tuple[np.ndarray, np.ndar
             if starts:
                 switches[c, 0, effect] = True
                 own[:, KERNEL.own(chosen)] = starts[rng.integers(len(starts))]
-    return parameters, switches, np.tile([0.1, 0.0, 0.0, 0.01, -0.3, 0.05], (count, LOGS, 1, 1))
+    return parameters, switches, np.tile([0.1, 0.4, -0.2, 0.01, -0.3, 0.05], (count, LOGS, 1, 1))
 
 
 def stacked(seed: int) -> tuple[np.ndarray, ...]:

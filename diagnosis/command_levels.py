@@ -43,7 +43,7 @@ def with_levels_counted(problem: Problem, fitted: Fitted) -> Fitted:
         return np.asarray(estimator @ (in_log * response).T)
 
     every = np.concatenate(each(shifts, moved), axis=1)
-    return replace(fitted, covariance=fitted.covariance + every @ every.T)
+    return fitted.informed(fitted.jacobian, fitted.covariance + every @ every.T)
 
 
 def with_one_level_off(problem: Problem, j: int) -> Iterator[Problem]:

@@ -744,7 +744,8 @@ class Search:
 
         What stands beside an effect now may have been missing when it was taken, and a near equal have come second only
         for that. Where something is left, any law may have been what the effect stands in for, but where many torques
-        of the position are pieces of one that no law is.
+        of the position are pieces of one that no law is. However long the search has taken, each effect is left out
+        once: what is named has to be needed.
 
         most: budgets after which laws are no longer exchanged where what is left may be noise, `REFINED` from here on
         unless given.
@@ -754,8 +755,9 @@ class Search:
         dear: list[Way] = [partial(self.with_another_law, any_law=any_law) for any_law in (False, True)]
         for way in cheap if self.crowded(path) else cheap + dear:
             for item in path.accepted:
-                if self.is_over if way in cheap else not self.asks(path) or self.taken > self.enough(path, most):
-                    return path
+                is_late = self.is_over if way in cheap else not self.asks(path) or self.taken > self.enough(path, most)
+                if is_late and way != self.with_nothing:
+                    break
                 other = way(path, item)
                 if other is not None:
                     return self.exchanged(other, most)
@@ -1164,12 +1166,9 @@ def with_jitter(
         size = len(fitted.point.free)
         spread = np.zeros((size + 1, size + 1))
         spread[:size, :size], spread[size, size] = fitted.covariance, found.deviation**2
-        fitted = replace(
-            fitted,
-            point=extend(problem, fitted.point, hypothesis, values),
-            covariance=spread,
-            jacobian=np.vstack([fitted.jacobian, np.zeros_like(fitted.jacobian[:1])]),
-        )
+        jacobian = np.vstack([fitted.jacobian, np.zeros_like(fitted.jacobian[:1])])
+        point = extend(problem, fitted.point, hypothesis, values)
+        fitted = replace(fitted.informed(jacobian, spread), point=point)
         scored = Scored(Start(hypothesis, values, found.decrease), fitted, found.decrease, cost)
         finding = replace(
             finding,

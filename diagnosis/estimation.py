@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -13,6 +15,7 @@ from diagnosis.problem import Free, Problem
 from diagnosis.projection import project
 from diagnosis.whitening import Absorption, Whitener, absorption, unfiltered, whitener
 from envs.log import Array
+from methods.parallel import each
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +135,8 @@ def plain(problem: Problem, fitted: Fitted) -> Fitted:
     scaled = view.innovation * scale
     left = scaled - project(view.jacobian, scaled)[0] @ view.jacobian
     again = weights(left / scale, problem.joints)
-    return replace(view, innovation=left / scale, jacobian=view.jacobian / scale * again, filtered=False)
+    jacobian = view.jacobian / scale * again
+    return replace(view.informed(jacobian, view.covariance), innovation=left / scale, filtered=False)
 
 
 SINGULAR = 1e-14
@@ -148,8 +152,43 @@ LAGS = 60
 
 
 @dataclass(frozen=True, eq=False)
+class Information:
+    """What a fit tells of its free parameters, worked out when it is first asked for: most fits are only compared.
+
+    made: the sensitivities (P, N n) of the innovations over their rms, and the covariance (P, P), None for the inverse
+    of what the sensitivities and `certainty` (P,) tell.
+    """
+
+    made: Callable[[], tuple[Array, Array | None]]
+    certainty: Array
+    _making: threading.Lock = field(default_factory=threading.Lock, init=False, repr=False)
+
+    @classmethod
+    def of(cls, jacobian: Array, covariance: Array) -> Information:
+        """That which is known already."""
+        return cls(lambda: (jacobian, covariance), np.zeros(0))
+
+    @cached_property
+    def _both(self) -> tuple[Array, Array]:
+        jacobian, covariance = self.made()
+        if covariance is not None:
+            return jacobian, covariance
+        gram = jacobian @ jacobian.T + np.diag(self.certainty)
+        if np.all(np.isfinite(gram)):
+            return jacobian, _inverse(gram)
+        # a model that runs away determines nothing
+        return np.zeros_like(jacobian), np.diag(np.full(len(gram), np.inf))
+
+    @property
+    def both(self) -> tuple[Array, Array]:
+        """Sensitivities and covariance."""
+        with self._making:
+            return self._both
+
+
+@dataclass(frozen=True, eq=False)
 class Fitted:
-    """Outcome of a fit: model, errors (T, n), innovations (N n,), their mean squares per joint, covariance.
+    """Outcome of a fit: model, errors (T, n), innovations (N n,), and what they tell of the free parameters.
 
     filtered: whether the innovations are meant to be white.
     """
@@ -158,12 +197,25 @@ class Fitted:
     error: Array
     innovation: Array
     whitener: Whitener
-    covariance: Array
-    jacobian: Array
+    information: Information
     iterations: int
     floor: Array
     credible: bool = True
     filtered: bool = True
+
+    @property
+    def jacobian(self) -> Array:
+        """Sensitivities (P, N n) of the innovations, over their rms."""
+        return self.information.both[0]
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (P, P) of the free parameters."""
+        return self.information.both[1]
+
+    def informed(self, jacobian: Array, covariance: Array) -> Fitted:
+        """The same fit with other sensitivities and another covariance."""
+        return replace(self, information=Information.of(jacobian, covariance))
 
     @property
     def samples(self) -> int:
@@ -297,6 +349,7 @@ def fit(
     first = 0 if known is None else len(known)
     damping, count, age = 1e-3, 0, 0
     slopes: Array | None = None  # taken `age` steps ago
+    innovation: Array | None = None
     absorbed: Absorption | None = None
     systems: list[tuple[Array, Array | None]] = []
     filter_ = filter_ or whitener(problem, error)
@@ -308,8 +361,10 @@ def fit(
         reached = criterion_at(problem, point, error, filter_)
         if reached < lowest:
             lowest, kept = reached, (point, error, filter_)
-        left, jacobian = iterations, None
+        left, jacobian, innovation = iterations, None, None
         for _ in range(ATTEMPTS * iterations):
+            if innovation is None:
+                innovation = filter_(error)
             if slopes is None or age >= REUSED:
                 if not left:
                     break
@@ -317,7 +372,6 @@ def fit(
                 if renewed and filter_.solution is not None and (known is None or absorbed is None):
                     absorbed = absorption(problem, error, filter_)
                 age, left, count = 0, left - 1, count + 1
-            innovation = filter_(error)
             if jacobian is None:
                 jacobian = _jacobian(filter_, slopes, known)
                 scale = weights(innovation, problem.joints)
@@ -338,11 +392,13 @@ def fit(
                     own = filter_ if follow is None else filter_.moved(follow @ (vector - now))
                     trials.append((factor, point.at(vector), own))
             outcomes = errors(problem, [trial for _, trial, _ in trials])
+            filtered = each(
+                lambda option: option[1][-1](option[0]) if problem.credible(option[0]) else None,
+                zip(outcomes, trials, strict=True),
+            )
             costs = [
-                float(np.sum((own(outcome) * scale) ** 2) + (trial.vector - centre) ** 2 @ certainty)
-                if problem.credible(outcome)
-                else np.inf
-                for outcome, (_, trial, own) in zip(outcomes, trials, strict=True)
+                np.inf if own is None else float(np.sum((own * scale) ** 2) + (trial.vector - centre) ** 2 @ certainty)
+                for own, (_, trial, _) in zip(filtered, trials, strict=True)
             ]
             best = int(np.argmin(costs))
             if not costs[best] < base:
@@ -354,7 +410,7 @@ def fit(
                 damping *= 1e4
                 continue
             damping = max(trials[best][0], 1e-7)
-            point, error, filter_ = trials[best][1], outcomes[best], trials[best][2]
+            point, error, filter_, innovation = trials[best][1], outcomes[best], trials[best][2], filtered[best]
             age += 1
             if costs[best] > base * (1.0 - tolerance):
                 if (
@@ -439,24 +495,21 @@ def finish(
     known: Array | None = None,
     slopes: Array | None = None,
 ) -> Fitted:
-    """Innovations, sensitivities and covariance at a point; slopes: sensitivities that are good enough, if any."""
+    """Innovations and, when asked for, sensitivities and covariance at a point; slopes: sensitivities that are good
+    enough, if any."""
     innovation = filter_(error)
-    scale = weights(innovation, problem.joints)
-    if slopes is None:
-        slopes = sensitivities(problem, point, error, first=0 if known is None else len(known))
-    jacobian = _jacobian(filter_, slopes, known) * scale
-    gram = jacobian @ jacobian.T + np.diag(point.certainty)
-    if np.all(np.isfinite(gram)):
-        covariance = _inverse(gram)
-    else:  # a model that runs away determines nothing
-        jacobian, covariance = np.zeros_like(jacobian), np.diag(np.full(len(gram), np.inf))
+
+    def made() -> tuple[Array, None]:
+        first = 0 if known is None else len(known)
+        own = sensitivities(problem, point, error, first=first) if slopes is None else slopes
+        return _jacobian(filter_, own, known) * weights(innovation, problem.joints), None
+
     return Fitted(
         point,
         error,
         innovation,
         filter_,
-        covariance,
-        jacobian,
+        Information(made, point.certainty),
         count,
         rounding_floor(problem),
         problem.credible(error),
@@ -491,7 +544,7 @@ def measured_precisely(problem: Problem, fitted: Fitted) -> Fitted:
         return precise
     absorbed = absorption(problem, fitted.error, fitted.whitener)
     gram, _ = _systems(precise.jacobian, precise.jacobian, np.diag(fitted.point.certainty), absorbed)[-1]
-    return replace(precise, covariance=_inverse(gram))
+    return precise.informed(precise.jacobian, _inverse(gram))
 
 
 def rounding_floor(problem: Problem) -> Array:

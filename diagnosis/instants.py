@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, Point, errors, fit
+from diagnosis.estimation import Fitted, Information, Point, errors, fit
 from diagnosis.hypotheses import Hypothesis, adjoint, seen_events, sizes_of
 from diagnosis.problem import NEVER, Problem
 from diagnosis.whitening import Whitener, on_logs
@@ -138,4 +138,4 @@ def _found(problem: Problem, point: Point, effect: Effect, joint: int, whiten: W
 def unfitted(problem: Problem, point: Point, whiten: Whitener) -> Fitted:
     """A model as it is, with its errors and their innovations."""
     error, nothing = errors(problem, [point])[0], np.zeros((0, 0))
-    return Fitted(point, error, whiten(error), whiten, nothing, nothing, 0, np.zeros(problem.joints))
+    return Fitted(point, error, whiten(error), whiten, Information.of(nothing, nothing), 0, np.zeros(problem.joints))

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.estimation import Fitted, errors, sensitivities
+from diagnosis.estimation import Fitted, Information, errors, sensitivities
 from diagnosis.finding import Finding
 from diagnosis.isolability import outside
 from diagnosis.problem import Problem
@@ -170,7 +170,8 @@ def on_experiment(part: Problem, fitted: Fitted) -> Fitted:
     sizes = np.maximum(np.linalg.norm(jacobian, axis=1), 1e-150)  # its square is still a number
     scaled = jacobian / sizes[:, None]
     covariance = np.linalg.pinv(scaled @ scaled.T, rcond=1e-14) / np.outer(sizes, sizes)
-    return Fitted(point, error, filter_(error), filter_, covariance, jacobian, 0, np.zeros(len(filter_.coefficients)))
+    information, floor = Information.of(jacobian, covariance), np.zeros(len(filter_.coefficients))
+    return Fitted(point, error, filter_(error), filter_, information, 0, floor)
 
 
 def separation(part: Problem, one: Fitted, other: Fitted) -> float:

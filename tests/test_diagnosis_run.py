@@ -611,7 +611,8 @@ def test_what_logs_leave_open_is_said_to_be_open() -> None:
     assert np.all(others <= 1e-6 * np.diag(covariance(final)).max())
     assert not undetermined(nominal).any()
     free = [replace(f, deviation=0.1) if i == own[1] else f for i, f in enumerate(final.point.free)]
-    exact = replace(final, jacobian=1e6 * final.jacobian, point=replace(final.point, free=tuple(free)))
+    exact = final.informed(1e6 * final.jacobian, final.covariance)
+    exact = replace(exact, point=replace(final.point, free=tuple(free)))
     assert np.sqrt(undetermined(exact)[own[1], own[1]]) == pytest.approx(0.1)  # as is known beforehand
 
 
@@ -875,7 +876,7 @@ def test_isolability_and_next_experiment(with_friction: tuple) -> None:
     # a parameter to which arithmetic gives no variance is not asked
     final, spread = solved.finding.final, solved.finding.final.covariance.copy()
     spread[0, 0] = -1e-9
-    other = replace(solved.finding, final=replace(final, covariance=spread))
+    other = replace(solved.finding, final=final.informed(final.jacobian, spread))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         again = next_experiment(solved.problem, other, 0, 1, None)

@@ -78,7 +78,7 @@ def test_what_may_as_well_draw_the_other_way_does_not_draw_back_for_certain() ->
     problem = problem_of(HANGING, 0.2, 1e-3)
     fitted, accepted = fitted_with(problem, HANGING)
     laws = [item.effect for item in accepted]
-    assert not draw_back(problem, replace(fitted, covariance=1e6 * fitted.covariance), 0, laws)
+    assert not draw_back(problem, fitted.informed(fitted.jacobian, 1e6 * fitted.covariance), 0, laws)
     assert not draw_back(problem, fitted, 0, [*laws, NAMED["cogging_torque"]])
 
 

@@ -826,6 +826,22 @@ def test_shapes_are_all_parameters_but_the_amplitudes(effect: Effect) -> None:
     assert sorted((*effect.shapes, *effect.amplitudes)) == list(range(effect.size))
 
 
+@pytest.mark.parametrize("taken", [0.5, 10.0])
+def test_each_effect_is_left_out_once_however_long_a_search_has_taken(
+    taken: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    ways = ("with_second", "in_other_terms", "recast", "with_nothing", "with_plainer", "with_another_law")
+    for name in ways:
+        monkeypatch.setattr(Search, name, lambda *given, name=name, **options: asked.append(name))
+    monkeypatch.setattr(Search, "taken", taken)
+    monkeypatch.setattr(Search, "crowded", lambda *given: set())
+    monkeypatch.setattr(Search, "asks", lambda *given: False)
+    search = Search(None, (), (), Settings(), None, print)  # type: ignore[arg-type]
+    search.exchanged(SimpleNamespace(accepted=("one", "two")))  # type: ignore[arg-type]
+    assert asked == [name for name in ways[:-1] for _ in range(2) if taken < 1.0 or name == "with_nothing"]
+
+
 def test_reused_sensitivities_lead_to_the_same_optimum() -> None:
     problem = problem_of({"coulomb_friction": {"torque": 0.2}})
     nominal = fit_nominal(problem, (JointStructure(),))
@@ -2286,7 +2302,7 @@ def test_how_well_a_jitter_is_known_the_scatter_says(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("diagnosis.engine.jitter", lambda *given: Jitter(0.1 * DT, 0.01 * DT, 1e4))
     final = with_jitter(problem, Finding("none", fitted, (), fitted, (), ()), EFFECTS, Settings()).final
     assert np.sqrt((final.covariance + undetermined(final))[-1, -1]) == pytest.approx(0.01 * DT)
-    silent = replace(final, covariance=np.zeros_like(final.covariance))
+    silent = final.informed(final.jacobian, np.zeros_like(final.covariance))
     assert np.sqrt(undetermined(silent)[-1, -1]) > DT
 
 

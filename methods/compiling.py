@@ -103,12 +103,13 @@ def _compile(function: Any, loops: int, lines: int) -> None:
 
 def once_per_machine(path: Path, name: str, work: Callable[[], None]) -> None:
     """Do something to a generated file's machine code unless it has been done on this kind of processor; no other
-    thread and no other process is at the file meanwhile."""
+    thread and no other process is at the file meanwhile. It counts as compiling, as does waiting for these."""
     processor = repr((numba.__version__, cpu_target.target_context.codegen().magic_tuple()))
     done = path.with_name(f"{path.stem}.{name}.{hashlib.sha256(processor.encode()).hexdigest()[:8]}")
     if done.exists():
         return
-    with _one_at_a_time, _held(lock_of(path)):
+    lock = lock_of(path)
+    with event.trigger_event("numba:compile", {"lock": lock.lock_file}), _one_at_a_time, _held(lock):
         if not done.exists():
             work()
             with suppress(OSError):

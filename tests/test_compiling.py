@@ -20,7 +20,7 @@ from diagnosis.problem import stack
 from diagnosis.replay import replay
 from envs.log import JointFacts, Log
 from methods.base import State
-from methods.compiling import LANES_SIGNATURE, generated, lock_of
+from methods.compiling import LANES_SIGNATURE, generated, lock_of, once_per_machine
 from methods.effects import vocabulary
 from methods.kernel import BEGINNING, Kernel, build
 from methods.lane_check import Check
@@ -87,6 +87,15 @@ def test_to_wait_for_another_process_is_to_compile(path: Path) -> None:
     module = generated(path)
     with running(HOLDS, path), compiling() as spent:
         assert module.outer(1.0) == 2.0
+    assert spent() > 0.5
+
+
+def test_to_wait_for_another_process_to_check_is_to_compile(path: Path) -> None:
+    done: list[str] = []
+    with running(HOLDS, path), compiling() as spent:
+        once_per_machine(path, "check", lambda: done.append("checked"))
+    once_per_machine(path, "check", lambda: done.append("again"))
+    assert done == ["checked"]
     assert spent() > 0.5
 
 

@@ -826,6 +826,20 @@ def test_shapes_are_all_parameters_but_the_amplitudes(effect: Effect) -> None:
     assert sorted((*effect.shapes, *effect.amplitudes)) == list(range(effect.size))
 
 
+def test_what_a_fit_tells_of_its_parameters_is_worked_out_once_when_asked_for() -> None:
+    problem = problem_of({"coulomb_friction": {"torque": 0.2}})
+    nominal = fit_nominal(problem, (JointStructure(),))
+    before = problem.work.steps
+    again = finish(problem, nominal.point, nominal.error, nominal.whitener)
+    assert again.criterion == nominal.criterion
+    assert problem.work.steps == before
+    assert np.all(np.diag(again.covariance) > 0.0)
+    after = problem.work.steps
+    assert after > before
+    assert again.jacobian.shape == (len(nominal.point.free), again.samples)
+    assert problem.work.steps == after
+
+
 @pytest.mark.parametrize("taken", [0.5, 10.0])
 def test_each_effect_is_left_out_once_however_long_a_search_has_taken(
     taken: float, monkeypatch: pytest.MonkeyPatch

@@ -155,29 +155,20 @@ LAGS = 60
 class Information:
     """What a fit tells of its free parameters, worked out when it is first asked for: most fits are only compared.
 
-    made: the sensitivities (P, N n) of the innovations over their rms, and the covariance (P, P), None for the inverse
-    of what the sensitivities and `certainty` (P,) tell.
+    made: gives the sensitivities (P, N n) of the innovations over their rms, and the covariance (P, P).
     """
 
-    made: Callable[[], tuple[Array, Array | None]]
-    certainty: Array
+    made: Callable[[], tuple[Array, Array]]
     _making: threading.Lock = field(default_factory=threading.Lock, init=False, repr=False)
 
     @classmethod
     def of(cls, jacobian: Array, covariance: Array) -> Information:
         """That which is known already."""
-        return cls(lambda: (jacobian, covariance), np.zeros(0))
+        return cls(lambda: (jacobian, covariance))
 
     @cached_property
     def _both(self) -> tuple[Array, Array]:
-        jacobian, covariance = self.made()
-        if covariance is not None:
-            return jacobian, covariance
-        gram = jacobian @ jacobian.T + np.diag(self.certainty)
-        if np.all(np.isfinite(gram)):
-            return jacobian, _inverse(gram)
-        # a model that runs away determines nothing
-        return np.zeros_like(jacobian), np.diag(np.full(len(gram), np.inf))
+        return self.made()
 
     @property
     def both(self) -> tuple[Array, Array]:
@@ -499,17 +490,22 @@ def finish(
     enough, if any."""
     innovation = filter_(error)
 
-    def made() -> tuple[Array, None]:
+    def made() -> tuple[Array, Array]:
         first = 0 if known is None else len(known)
         own = sensitivities(problem, point, error, first=first) if slopes is None else slopes
-        return _jacobian(filter_, own, known) * weights(innovation, problem.joints), None
+        jacobian = _jacobian(filter_, own, known) * weights(innovation, problem.joints)
+        gram = jacobian @ jacobian.T + np.diag(point.certainty)
+        if np.all(np.isfinite(gram)):
+            return jacobian, _inverse(gram)
+        # a model that runs away determines nothing
+        return np.zeros_like(jacobian), np.diag(np.full(len(gram), np.inf))
 
     return Fitted(
         point,
         error,
         innovation,
         filter_,
-        Information(made, point.certainty),
+        Information(made),
         count,
         rounding_floor(problem),
         problem.credible(error),

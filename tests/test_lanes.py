@@ -3,33 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from methods import lane_check
 from methods.effects import vocabulary
-from methods.effects.base import Scales
 from methods.kernel import BEGINNING, LANES, NOMINAL, SHAPES, Kernel, build, same_instants
 
 KERNEL: Kernel = build(tuple(vocabulary()))
-SIZES = Scales(
-    command_rms=3.0,
-    command_peak=6.0,
-    torque_rms=2.0,
-    torque_peak=5.0,
-    position_span=3.0,
-    position_mean=0.2,
-    velocity_rms=4.0,
-    velocity_peak=9.0,
-    inertia=0.05,
-    damping=0.3,
-    duration=2.0,
-    sample_time=2e-3,
-    encoder_step=1e-4,
-    revolute=True,
-    joints=2,
-)
+SIZES = replace(lane_check.SIZES, damping=0.3, duration=2.0)
 SAMPLES, LOGS = 700, 2
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial, reduce
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from diagnosis.problem import Problem
 from diagnosis.regression import View
 from diagnosis.remainder import Remainder, remainders
 from diagnosis.replay import WINDOW, replay
-from diagnosis.search import Ranked, containing, generalised, is_resolved, score, within
+from diagnosis.search import Ranked, containing, generalised, is_resolved, price, score, within
 from diagnosis.settings import Settings
 from diagnosis.whitening import on_logs
 from envs.log import Array
@@ -46,21 +46,23 @@ def prune(
     What an effect of the motor torque tells of mechanical damping and back-EMF may be all that it is still there for.
     sure: Wald statistic, over the least cost of a removal, from which an effect is not asked.
     """
-    changed = bool(accepted)
-    while changed:
-        changed = False
-        for item in accepted:
-            if wald(base, item) > sure * (item.scored.price + settings.threshold):
-                continue
-            allowed = base.criterion + item.scored.price + settings.threshold
-            smaller = without(problem, base, item)
-            if smaller.criterion >= allowed and item.effect.has_motor_torque:
-                smaller = without(problem, base, item, divided=True)
-            if smaller.criterion < allowed:
-                accepted = [other for other in accepted if other is not item]
-                base, changed = smaller, bool(accepted)
-                break
+    while accepted:
+        asked = [item for item in accepted if wald(base, item) <= sure * (item.scored.price + settings.threshold)]
+        fits = each(partial(dispensed_with, problem, base, settings), asked)
+        dropped = next(((item, fitted) for item, fitted in zip(asked, fits, strict=True) if fitted is not None), None)
+        if dropped is None:
+            break
+        accepted, base = [other for other in accepted if other is not dropped[0]], dropped[1]
     return accepted, base
+
+
+def dispensed_with(problem: Problem, base: Fitted, settings: Settings, item: Accepted) -> Fitted | None:
+    """The model refitted without an effect, where it does as well; None otherwise."""
+    allowed = base.criterion + item.scored.price + settings.threshold
+    smaller = without(problem, base, item)
+    if smaller.criterion >= allowed and item.effect.has_motor_torque:
+        smaller = without(problem, base, item, divided=True)
+    return smaller if smaller.criterion < allowed else None
 
 
 def simplified(
@@ -152,16 +154,22 @@ def simplified_afterwards(
 ) -> tuple[list[Accepted], Fitted]:
     """The effects in their simplest form, but for the last, which is (`is_last_simple`): before that one was there they
     may have stood in for it. Where one of them has, so has the last one for what that has lacked."""
-    before = accepted
+    before, whole = accepted, base
+
+    def simple(item: Accepted) -> Accepted:
+        smaller = without(problem, base, item)
+        scored = replace(item.scored, fitted=base, decrease=smaller.criterion - base.criterion)
+        return simplified(problem, smaller, replace(item, scored=scored), effects, settings)
+
+    asked = [item for item in before if item.effect.includes and not (is_last_simple and item is before[-1])]
+    ahead = dict(zip(asked, each(simple, asked), strict=True))  # which hold as long as none is in a simpler form
     for item in before:
         if not item.effect.includes or (is_last_simple and item is before[-1] and accepted is before):
             continue
-        smaller = without(problem, base, item)
-        whole = replace(item.scored, fitted=base, decrease=smaller.criterion - base.criterion)
-        simple = simplified(problem, smaller, replace(item, scored=whole), effects, settings)
-        if simple.name != item.name:
-            accepted = [simple if other is item else other for other in accepted]
-            base = simple.scored.fitted
+        found = ahead[item] if base is whole else simple(item)
+        if found.name != item.name:
+            accepted = [found if other is item else other for other in accepted]
+            base = found.scored.fitted
     return accepted, base
 
 
@@ -181,25 +189,32 @@ def unified(
     problem: Problem, accepted: list[Accepted], base: Fitted, effects: Sequence[Effect], settings: Settings
 ) -> tuple[list[Accepted], Fitted]:
     """The effects with one law in the place of parts of it, another form of it among them, where it does as well."""
+    options = []
     for effect, joint in ((effect, j) for effect in effects for j in range(problem.joints)):
         laws = {effect.label, *effect.includes}
         parts = [item for item in accepted if item.joint == joint and {item.name, item.label} & laws]
-        if len({item.label for item in parts}) < 2 or effect in [item.effect for item in parts]:
-            continue
-        view, size = View.of(problem, base), sizes_of(problem, base)[joint]
-        start, points = generalised(problem, view, effect, [item.effect for item in parts], joint, size)
+        if len({item.label for item in parts}) > 1 and effect not in [item.effect for item in parts]:
+            options.append((effect, joint, parts))
+    if not options:
+        return accepted, base
+    view, sizes = View.of(problem, base), sizes_of(problem, base)
+
+    def united(option: tuple[Effect, int, list[Accepted]]) -> Accepted | None:
+        effect, joint, parts = option
+        start, points = generalised(problem, view, effect, [item.effect for item in parts], joint, sizes[joint])
         fitted = containing(problem, base, points)
-        fitted = min(fitted, fit(problem, fitted.point, rounds=2, iterations=12), key=lambda option: option.criterion)
-        smaller = base
-        for item in parts:
-            smaller = without(problem, smaller, item)
-        whole = score(problem, smaller, start, fitted)
+        fitted = min(fitted, fit(problem, fitted.point, rounds=2, iterations=12), key=lambda found: found.criterion)
         allowed = sum(item.scored.price for item in parts) + settings.threshold
-        if fitted.criterion + whole.price > base.criterion + allowed:
-            continue
+        if fitted.criterion + price(problem, start, base.samples) > base.criterion + allowed:
+            return None
+        smaller = reduce(partial(without, problem), parts, base)
+        whole = score(problem, smaller, start, fitted)
         one = Accepted(whole, materiality(problem, fitted, whole.name, joint), ())
-        one = simplified(problem, smaller, one, effects, settings)
-        return [*(item for item in accepted if item not in parts), one], one.scored.fitted
+        return simplified(problem, smaller, one, effects, settings)
+
+    for one, (_, _, parts) in zip(each(united, options), options, strict=True):
+        if one is not None:
+            return [*(item for item in accepted if item not in parts), one], one.scored.fitted
     return accepted, base
 
 

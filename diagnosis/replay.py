@@ -200,7 +200,8 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
 
         g' = h + l e,  J h' = -B h - K g,  g(t0) = -q0,  h(t0) = -v0
 
-    where q0, v0 are the corrections of the initial state.
+    where q0, v0 are the corrections of the initial state. A negative B counts as nothing: another law makes up for
+    it, and no motion grows by itself.
     """
     rng = np.random.default_rng(0)
     dt, width = problem.sample_time, window_width(window, problem.sample_time)
@@ -212,7 +213,7 @@ def noise_floor(problem: Problem, fitted: Fitted, j: int, window: float, innovat
     q0 = savgol_filter(error, span, 3)
     v0 = savgol_filter(error, span, 3, deriv=1, delta=dt) + problem.leak * q0
     p = fitted.point.parameters[0, j]
-    inertia, damping = p[NOMINAL.index("inertia")], sum(p[NOMINAL.index(name)] for name in DAMPING)
+    inertia, damping = p[NOMINAL.index("inertia")], max(0.0, sum(p[NOMINAL.index(name)] for name in DAMPING))
     rates = np.array([[0.0, 1.0], [-stiffness(problem, fitted.point, j) / inertia, -damping / inertia]])
     step = expm(rates * dt)
     begins = np.arange(span, count - width - span, width)

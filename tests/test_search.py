@@ -111,7 +111,7 @@ from methods.base import State
 from methods.effects import built_in
 from methods.effects.base import Effect, geometric
 from methods.effects.encoder_eccentricity import LARGEST
-from methods.kernel import LANES, NOMINAL, build
+from methods.kernel import DAMPING, LANES, NOMINAL, build
 from methods.structured import StructuredJoint, StructuredModel
 
 EFFECTS = built_in()
@@ -2104,6 +2104,21 @@ def test_the_floor_by_imitation_is_that_of_the_noise_and_of_what_short_logs_leav
     certain = imitated_floor(held_out, fitted, fitted.covariance, point, 1.0)[0]
     assert certain == pytest.approx(linear, rel=0.3)
     assert imitated_floor(held_out, fitted, 1e4 * fitted.covariance, point, 1.0)[0] > 2.0 * certain
+
+
+def test_a_negative_damping_that_a_law_of_friction_makes_up_for_lets_no_noise_grow() -> None:
+    problem = problem_of({})
+    fitted = fit_nominal(problem, (JointStructure(),))
+    floor = lambda damping: noise_floor(problem, damped(fitted, damping), 0, 1.0, 1e-5, coloured=False)  # noqa: E731
+    inertia = fitted.point.value("inertia@0")
+    assert floor(-100.0 * inertia) == floor(0.0) < 10.0 * floor(100.0 * inertia)
+
+
+def damped(fitted: Fitted, damping: float) -> Fitted:
+    """The same model with another damping."""
+    parameters = fitted.point.parameters.copy()
+    parameters[:, 0, [NOMINAL.index(name) for name in DAMPING]] = damping / len(DAMPING)
+    return replace(fitted, point=replace(fitted.point, parameters=parameters))
 
 
 def test_in_the_band_of_the_motion_the_floor_is_that_of_the_noise_in_it() -> None:
